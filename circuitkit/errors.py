@@ -1,0 +1,138 @@
+"""The exception family, and `Problem`: one complaint about one place of a file.
+
+Every message says where, what was found, what is allowed, and where it can, what was probably meant.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import ClassVar
+
+_SHOWN_NAMES = 20
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One complaint about one place of a file; `str()` is `file:line:column: where: message; hint`.
+
+    Attributes:
+        file: The file as the user named it; empty for a complaint that belongs to no file.
+        line: Line, from 1.
+        column: Column, from 1.
+        where: The place in the file's own terms, such as `neurons.q1.slope`; may be empty.
+        message: What was found; what is allowed.
+        hint: What was probably meant or what to do; may be empty.
+    """
+
+    file: str
+    line: int
+    column: int
+    where: str
+    message: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}:{self.column}" if self.file else ""
+        text = ": ".join(part for part in (place, self.where, self.message) if part)
+        return f"{text}; {self.hint}" if self.hint else text
+
+
+class CircuitkitError(Exception):
+    """Base of all errors that circuitkit raises on purpose.
+
+    Attributes:
+        exit_code: What the command line exits with: 1 the input is wrong, 3 the run failed.
+    """
+
+    exit_code: ClassVar[int] = 3
+
+
+class InputError(CircuitkitError):
+    """What the user wrote is wrong; carries every problem found, not only the first."""
+
+    exit_code: ClassVar[int] = 1
+
+    def __init__(self, *problems: Problem) -> None:
+        super().__init__(*problems)
+        self.problems: tuple[Problem, ...] = problems
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
+
+
+class UnknownNameError(InputError, LookupError):
+    """A name that does not exist was asked for; the message lists those that do."""
+
+    def __init__(self, kind: str, name: str, available: Iterable[str]) -> None:
+        """Describe the failed look-up.
+
+        Args:
+            kind: What was looked for, such as "neuron".
+            name: The name that was not found.
+            available: The names that exist.
+        """
+        names = tuple(available)
+        message = f"unknown {kind} '{name}'; allowed: {listing(names)}"
+        super().__init__(Problem("", 0, 0, "", message, suggest(name, names)))
+        self._look_up = (kind, name, names)
+
+    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, tuple[str, ...]]]:
+        """Pickle by the arguments of `__init__`, not by those of `Exception`."""
+        return type(self), self._look_up
+
+
+class UnitError(CircuitkitError, ValueError):
+    """A quantity cannot be read, or has the wrong dimension."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class ExpressionError(CircuitkitError, ValueError):
+    """A mathematical expression cannot be read."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class MissingDependencyError(CircuitkitError):
+    """A feature needs a package that is an extra and is not installed."""
+
+    def __init__(self, package: str, extra: str, purpose: str = "") -> None:
+        """Name the package and the extra that brings it.
+
+        Args:
+            package: The import that failed, such as "imageio".
+            extra: The extra of the distribution that brings it, such as "video".
+            purpose: What needs it, such as "writing a video".
+        """
+        self._arguments = (package, extra, purpose)
+        needed = purpose or "this"
+        super().__init__(
+            f"{needed} needs the package '{package}', which is not installed; "
+            f"install it with: pip install 'neurocircuitkit[{extra}]'"
+        )
+
+    def __reduce__(self) -> tuple[type[MissingDependencyError], tuple[str, str, str]]:
+        """Pickle by the arguments of `__init__`, not by the message."""
+        return type(self), self._arguments
+
+
+class SimulationError(CircuitkitError):
+    """The simulation cannot go on."""
+
+
+def suggest(name: str, allowed: Iterable[str]) -> str:
+    """`did you mean 'q1'?` for the nearest allowed name, or an empty text if none is near."""
+    by_lower_case = {candidate.lower(): candidate for candidate in allowed}
+    near = difflib.get_close_matches(name.lower(), by_lower_case, n=1, cutoff=0.6)
+    return f"did you mean '{by_lower_case[near[0]]}'?" if near else ""
+
+
+def listing(names: Iterable[str]) -> str:
+    """The names separated by commas, cut after twenty; `nothing` if there are none."""
+    every = tuple(names)
+    if not every:
+        return "nothing"
+    shown = ", ".join(every[:_SHOWN_NAMES])
+    return shown if len(every) <= _SHOWN_NAMES else f"{shown} and {len(every) - _SHOWN_NAMES} more"

@@ -1,0 +1,250 @@
+"""Quantities with units: text such as `-80 mm` or `1.63 deg` to SI values, and back.
+
+Everything inside circuitkit is in SI units; a unit is met only where a file is read or a number is shown.
+Angle is a dimension of its own (in SI it is not), so that degrees against metres, and degrees against plain
+numbers, are both caught. A number without a unit is dimensionless.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import NamedTuple
+
+from circuitkit.errors import UnitError, listing, suggest
+
+
+class Dimension(NamedTuple):
+    """Exponents of the base dimensions; a velocity is `Dimension(length=1, time=-1)`."""
+
+    length: int = 0
+    mass: int = 0
+    time: int = 0
+    angle: int = 0
+    current: int = 0
+    temperature: int = 0
+
+    def times(self, other: Dimension, power: int = 1) -> Dimension:
+        """Dimension of the product `self * other ** power`."""
+        return Dimension(*(mine + power * theirs for mine, theirs in zip(self, other, strict=True)))
+
+    @property
+    def si_symbol(self) -> str:
+        """The SI unit of this dimension, such as `m/s`; `1` if dimensionless."""
+        return _fraction_text(self, ("m", "kg", "s", "rad", "A", "K"))
+
+    def __str__(self) -> str:
+        return _fraction_text(self, self._fields) if any(self) else "dimensionless"
+
+
+def _fraction_text(exponents: tuple[int, ...], names: tuple[str, ...]) -> str:
+    powers = list(zip(names, exponents, strict=True))
+    above = [name if e == 1 else f"{name}^{e}" for name, e in powers if e > 0]
+    below = [name if e == -1 else f"{name}^{-e}" for name, e in powers if e < 0]
+    return "/".join(["*".join(above) or "1", *below])
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of measurement.
+
+    Attributes:
+        symbol: As written, such as `deg/s`; `1` for dimensionless.
+        factor: SI value of one unit, exact (the factor of `mm` is 1/1000).
+        dimension: Its dimension.
+    """
+
+    symbol: str
+    factor: Fraction
+    dimension: Dimension
+
+    @property
+    def scale(self) -> float:
+        """SI value of one unit, as a float."""
+        return float(self.factor)
+
+    def to_si(self, value: float | Fraction) -> float:
+        """SI value of `value` in this unit, rounded once: 79.9 mm is 0.0799, to the last bit."""
+        return float(Fraction(value) * self.factor)
+
+    def from_si(self, value_si: float) -> float:
+        """Value in this unit of an SI value; infinities stay what they are."""
+        if not math.isfinite(value_si):
+            return value_si
+        return float(Fraction(value_si) / self.factor)
+
+    def __str__(self) -> str:
+        return self.symbol
+
+
+DIMENSIONLESS = Unit("1", Fraction(1), Dimension())
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with a unit.
+
+    Attributes:
+        value_si: The value in SI units.
+        unit: The unit in which it was written and is shown.
+    """
+
+    value_si: float
+    unit: Unit
+
+    @property
+    def dimension(self) -> Dimension:
+        """The dimension of the unit."""
+        return self.unit.dimension
+
+    def __neg__(self) -> Quantity:
+        return Quantity(-self.value_si, self.unit)
+
+    def __str__(self) -> str:
+        return format_quantity(self.value_si, self.unit)
+
+
+def _base(power_of_ten: int = 0, **exponents: int) -> tuple[Fraction, Dimension]:
+    return Fraction(10) ** power_of_ten, Dimension(**exponents)
+
+
+def _of(number: int | Fraction, **exponents: int) -> tuple[Fraction, Dimension]:
+    return Fraction(number), Dimension(**exponents)
+
+
+_MECHANICAL = {
+    "m": _base(length=1),
+    "km": _base(3, length=1),
+    "cm": _base(-2, length=1),
+    "mm": _base(-3, length=1),
+    "um": _base(-6, length=1),
+    "kg": _base(mass=1),
+    "g": _base(-3, mass=1),
+    "s": _base(time=1),
+    "ms": _base(-3, time=1),
+    "us": _base(-6, time=1),
+    "min": _of(60, time=1),
+    "h": _of(3600, time=1),
+    "Hz": _base(time=-1),
+    "kHz": _base(3, time=-1),
+    "rad": _base(angle=1),
+    "mrad": _base(-3, angle=1),
+    "deg": _of(Fraction(math.pi) / 180, angle=1),
+    "N": _base(length=1, mass=1, time=-2),
+    "mN": _base(-3, length=1, mass=1, time=-2),
+    "kN": _base(3, length=1, mass=1, time=-2),
+    "Pa": _base(length=-1, mass=1, time=-2),
+    "J": _base(length=2, mass=1, time=-2),
+    "W": _base(length=2, mass=1, time=-3),
+}
+_ELECTRICAL = {
+    "A": (0, {"current": 1}),
+    "V": (0, {"length": 2, "mass": 1, "time": -3, "current": -1}),
+    "ohm": (0, {"length": 2, "mass": 1, "time": -3, "current": -2}),
+    "S": (0, {"length": -2, "mass": -1, "time": 3, "current": 2}),
+    "F": (0, {"length": -2, "mass": -1, "time": 4, "current": 2}),
+}
+_PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "u": -6, "n": -9, "p": -12}
+_SYMBOLS: dict[str, tuple[Fraction, Dimension]] = {
+    "1": _base(),
+    "%": _base(-2),
+    "K": _base(temperature=1),
+    **_MECHANICAL,
+    **{
+        prefix + symbol: _base(power, **exponents)
+        for symbol, (_, exponents) in _ELECTRICAL.items()
+        for prefix, power in _PREFIXES.items()
+    },
+}
+UNIT_SYMBOLS: tuple[str, ...] = tuple(_SYMBOLS)
+
+# Typographic signs that copied text carries, and what they mean here.
+_TYPOGRAPHY = str.maketrans(
+    {"\N{MINUS SIGN}": "-", "\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "\N{MIDDLE DOT}": "*"}
+    | {"\N{DEGREE SIGN}": "deg", "\N{OHM SIGN}": "ohm", "\N{GREEK CAPITAL LETTER OMEGA}": "ohm"}
+    | {"\N{SUPERSCRIPT TWO}": "^2", "\N{SUPERSCRIPT THREE}": "^3"}
+)
+_FACTOR = re.compile(r"(?P<symbol>[A-Za-z%]+|1)(?:\^(?P<power>-?\d))?")
+_NUMBER = re.compile(
+    r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?)"
+    r"(?:\s+(?P<quotient>1(?:/.*)?)|\s*(?P<unit>[^\d.,_:\s].*))?"
+)
+_MAX_LENGTH = 80
+
+
+@lru_cache(maxsize=1024)
+def parse_unit(text: str) -> Unit:
+    """Read a unit: symbols with powers, joined by `*` and `/`, such as `deg/s`, `kg*m^2`, `/m`, `1`.
+
+    Every `/` divides by the one factor after it: `N/m/s` is `N/(m*s)`.
+
+    Raises:
+        UnitError: The text is not a unit; names the part that is wrong and the symbols there are.
+    """
+    compact = re.sub(r"\s*([*/^])\s*", r"\1", text.translate(_TYPOGRAPHY).strip())
+    if not compact or len(compact) > _MAX_LENGTH:
+        message = f"found '{text[:_MAX_LENGTH]}'; allowed: a unit such as 'mm' or 'deg/s', '1' if dimensionless"
+        raise UnitError(message)
+    factor, dimension = Fraction(1), Dimension()
+    pieces = re.split(r"([*/])", f"1{compact}" if compact.startswith("/") else compact)
+    for sign, piece in zip(["*", *pieces[1::2]], pieces[::2], strict=True):
+        part_factor, part_dimension, power = _parse_factor(piece, text)
+        power = -power if sign == "/" else power
+        factor *= part_factor**power
+        dimension = dimension.times(part_dimension, power)
+    return Unit(compact, factor, dimension)
+
+
+def _parse_factor(piece: str, whole: str) -> tuple[Fraction, Dimension, int]:
+    match = _FACTOR.fullmatch(piece)
+    if match is None:
+        allowed = "symbols joined by * and /, with powers such as ^2"
+        message = f"cannot read '{piece}' in the unit '{whole}'; allowed: {allowed}"
+        raise UnitError(message)
+    symbol = match["symbol"]
+    if symbol not in _SYMBOLS:
+        hint = suggest(symbol, UNIT_SYMBOLS)
+        common = listing(("1", "%", *_MECHANICAL, *_ELECTRICAL))
+        message = f"unknown unit '{symbol}'; allowed: {common}"
+        raise UnitError(f"{message}; {hint}" if hint else message)
+    factor, dimension = _SYMBOLS[symbol]
+    return factor, dimension, int(match["power"] or 1)
+
+
+@lru_cache(maxsize=4096)
+def parse_quantity(text: str) -> Quantity:
+    """Read a number with its unit: `-80 mm`, `1.63 deg`, `100 /m`, `5 %`, `0.1`.
+
+    Raises:
+        UnitError: The text is no finite number followed by a unit.
+    """
+    match = _NUMBER.fullmatch(text.translate(_TYPOGRAPHY).strip())
+    if match is None:
+        allowed = "a number, with a unit if it has one, such as '-80 mm' or '0.1'"
+        message = f"found '{text[:_MAX_LENGTH]}'; allowed: {allowed}"
+        raise UnitError(message)
+    symbol = match["unit"] or match["quotient"]
+    unit = parse_unit(symbol) if symbol else DIMENSIONLESS
+    try:
+        value_si = unit.to_si(Fraction(match["number"]))
+    except OverflowError:
+        value_si = math.inf
+    if not math.isfinite(value_si):
+        message = f"found '{text[:_MAX_LENGTH]}', which is too large; allowed: a finite number"
+        raise UnitError(message)
+    return Quantity(value_si, unit)
+
+
+def format_quantity(value_si: float, unit: Unit, digits: int = 6) -> str:
+    """Show an SI value in a unit, such as `-80 mm`; what comes out can be read by `parse_quantity`.
+
+    Args:
+        value_si: The value in SI units.
+        unit: The unit to show it in.
+        digits: Significant digits.
+    """
+    number = f"{unit.from_si(value_si):.{digits}g}"
+    return number if unit.symbol == "1" else f"{number} {unit.symbol}"
