@@ -1,0 +1,60 @@
+# Needs: python3 >= 3.11, make, and a package registry that pip can reach. Everything else is installed into .venv.
+# Another interpreter: make setup PYTHON=python3.13
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+UV_VERSION := 0.13.9
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo check test bench docs lock clean
+
+help:  ## this list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 16
+
+setup: $(READY)  ## a virtual environment in .venv with the locked packages and this checkout
+	@echo "ready: $(BIN)/circuitkit --help"
+
+# The stamp is written last: an interrupted set-up is begun anew, a finished one is not redone.
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or newer is needed, $(PYTHON) is $$($(PYTHON) -V 2>&1); try: make $(or $(MAKECMDGOALS),setup) PYTHON=python3.13" >&2; exit 1; }
+	@echo "setting up $(VENV) (once, about a minute)"
+	@$(PYTHON) -m venv --clear $(VENV) || \
+		{ echo "$(PYTHON) cannot make virtual environments; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+demo: $(READY)  ## checks and draws the BiNN, pushes the walking NAO under two controllers; results in out/demo
+	$(BIN)/circuitkit validate binn_lateral
+	$(BIN)/circuitkit draw binn_lateral -o out/demo/binn_lateral.png
+	$(BIN)/circuitkit draw binn_lateral --what activations -o out/demo/binn_lateral_activations.png
+	$(BIN)/circuitkit compare nao_push --controllers open_loop,circuit --video -o out/demo
+	@echo "pictures, recordings and videos: out/demo"
+
+check: $(READY)  ## style, types and the floors between the rooms
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: $(READY)  ## all tests
+	$(BIN)/python -m pytest
+
+bench: $(READY)  ## the benchmarks, as ratios in one run
+	$(BIN)/circuitkit bench
+
+docs: $(READY)  ## writes the pages and pictures under docs that are made from the code
+	$(BIN)/python docs/generate.py
+
+lock:  ## pins anew every dependency of pyproject.toml, for all platforms
+	$(PYTHON) -m venv out/lock
+	out/lock/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
+	out/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --fork-strategy fewest \
+		--upgrade --no-annotate --custom-compile-command "make lock" --no-emit-index-url --no-emit-find-links \
+		--extra video --extra data --extra tune --extra test --extra dev pyproject.toml --output-file requirements.lock
+
+clean:  ## removes the virtual environment, caches and results
+	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
