@@ -1,4 +1,4 @@
-"""circuitkit: neural circuits as data, compiled to fast vectorised updates and run in closed loop with a robot.
+"""Neural circuits as data: compiled to fast vectorised updates, and run in closed loop with a robot.
 
 Importing this package is light; every name below is imported when it is first used.
 """

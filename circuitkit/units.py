@@ -186,7 +186,7 @@ def parse_unit(text: str) -> Unit:
     """
     compact = re.sub(r"\s*([*/^])\s*", r"\1", text.translate(_TYPOGRAPHY).strip())
     if not compact or len(compact) > _MAX_LENGTH:
-        message = f"found '{text[:_MAX_LENGTH]}'; allowed: a unit such as 'mm' or 'deg/s', '1' if dimensionless"
+        message = f"found '{text[:_MAX_LENGTH]}'; allowed: a unit such as 'mm' or '1'"
         raise UnitError(message)
     factor, dimension = Fraction(1), Dimension()
     pieces = re.split(r"([*/])", f"1{compact}" if compact.startswith("/") else compact)

@@ -1,7 +1,8 @@
-"""Mathematical expressions as data: text to a tree of frozen nodes, through a whitelist, never through `eval`.
+"""Mathematical expressions as data: text to a tree of frozen nodes by a whitelist, never by `eval`.
 
-`parse_expression("sigmoid(slope * (A - shift))", ("A", "slope", "shift"))` is a `Call` of a `Binary`. Backends
-and exporters walk the tree; `evaluate` computes it on numbers or on anything with the arithmetic operators.
+`parse_expression("sigmoid(slope * (A - shift))", ("A", "slope", "shift"))` is a `Call` of a `Binary`.
+Backends and exporters walk the tree; `evaluate` computes it on numbers or on anything with the arithmetic
+operators.
 """
 
 from __future__ import annotations

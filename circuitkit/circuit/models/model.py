@@ -7,10 +7,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
-import yaml
-
 from circuitkit.circuit.expression import Expression, parse_expression
 from circuitkit.errors import UnknownNameError
+from circuitkit.source import FileModel, read_yaml, validate_model
 
 ACTIVATION = "A"
 UnitRule = Literal["activation", "1/activation", "1"]
@@ -59,6 +58,20 @@ class NeuronModel:
         return tuple(parameter.name for parameter in self.parameters)
 
 
+class _ParameterFile(FileModel):
+    unit: UnitRule
+    default: float | None = None
+    description: str
+
+
+class _ModelFile(FileModel):
+    model: str
+    description: str
+    source: str
+    parameters: dict[str, _ParameterFile]
+    output: str
+
+
 @lru_cache
 def neuron_model(name: str) -> NeuronModel:
     """The model of this name.
@@ -69,11 +82,10 @@ def neuron_model(name: str) -> NeuronModel:
     if name not in MODEL_NAMES:
         kind = "model"
         raise UnknownNameError(kind, name, MODEL_NAMES)
-    data = yaml.safe_load((_FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
+    file = validate_model(read_yaml(_FOLDER / f"{name}.yaml"), _ModelFile)
     parameters = tuple(
-        ModelParameter(key, entry["unit"], entry.get("default"), entry["description"])
-        for key, entry in data["parameters"].items()
+        ModelParameter(key, entry.unit, entry.default, entry.description)
+        for key, entry in file.parameters.items()
     )
-    names = (ACTIVATION, *(parameter.name for parameter in parameters))
-    output = parse_expression(data["output"], names)
-    return NeuronModel(data["model"], data["description"], data["source"], parameters, output)
+    output = parse_expression(file.output, (ACTIVATION, *file.parameters))
+    return NeuronModel(file.model, file.description, file.source, parameters, output)

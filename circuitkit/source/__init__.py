@@ -1,0 +1,27 @@
+"""YAML files of every kind: text to data with line and column, and data to pydantic models.
+
+Circuits, gaits, robots and scenarios are all read through here, so that all of them give the same messages.
+"""
+
+from circuitkit.source.data_files import data_folder, find_data_file, shipped_names
+from circuitkit.source.document import Data, Document, Mark, Place, place_text
+from circuitkit.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
+from circuitkit.source.validation import FileModel, model_problems, validate_model
+
+__all__ = [
+    "Data",
+    "Document",
+    "FileModel",
+    "Mark",
+    "Place",
+    "data_folder",
+    "find_data_file",
+    "model_problems",
+    "parse_yaml",
+    "place_text",
+    "read_yaml",
+    "scan_text",
+    "scan_yaml",
+    "shipped_names",
+    "validate_model",
+]

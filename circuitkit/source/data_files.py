@@ -1,0 +1,51 @@
+"""Finding a file by its path, or a shipped one by its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from circuitkit.errors import InputError, Problem, listing, suggest
+
+_PACKAGE = Path(__file__).parent.parent
+_SUFFIX = ".yaml"
+
+
+def data_folder(folder: str) -> Path:
+    """Where shipped files of a kind lie: inside an installed package, or at the top of a source checkout.
+
+    Args:
+        folder: "circuits" or "sims".
+    """
+    installed = _PACKAGE / "_data" / folder
+    return installed if installed.is_dir() else _PACKAGE.parent / folder
+
+
+def shipped_names(folder: str) -> tuple[str, ...]:
+    """Names of the shipped files of a kind, sorted.
+
+    Args:
+        folder: "circuits" or "sims".
+    """
+    return tuple(sorted(path.stem for path in data_folder(folder).glob(f"*{_SUFFIX}")))
+
+
+def find_data_file(name_or_path: str | Path, folder: str) -> Path:
+    """The path of a file: a path is returned as it is, a bare name is looked up among the shipped files.
+
+    A bare name has no folder and no suffix. A file of that very name in the working folder goes first.
+
+    Args:
+        name_or_path: Such as `my/circuit.yaml` or `binn_lateral`.
+        folder: "circuits" or "sims".
+
+    Raises:
+        InputError: There is no shipped file of this name; lists those there are.
+    """
+    path = Path(name_or_path)
+    if path.suffix or len(path.parts) != 1 or path.is_file():
+        return path
+    names = shipped_names(folder)
+    if path.name in names:
+        return data_folder(folder) / f"{path.name}{_SUFFIX}"
+    message = f"unknown name '{path}'; allowed: a path, or one of the shipped {folder}: {listing(names)}"
+    raise InputError(Problem(str(path), 1, 1, "", message, suggest(path.name, names)))

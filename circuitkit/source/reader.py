@@ -1,0 +1,237 @@
+"""YAML text to a `Document`, with every complaint about the text collected instead of only the first.
+
+Built on the events of PyYAML's parser (the one of libyaml where it is there). Refused are equal keys in a
+mapping, tags, merge keys, aliases that contain themselves or grow without bound, and the scalars that
+`scalars` refuses.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+from circuitkit.errors import InputError, Problem, suggest
+from circuitkit.source.document import Data, Document, Mark, Place, place_text
+from circuitkit.source.scalars import RefusedScalarError, plain_scalar
+
+_LARGEST_DOCUMENT = 200_000
+_DEEPEST = 50
+_UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def read_yaml(path: str | Path) -> Document:
+    """Read a YAML file.
+
+    Raises:
+        InputError: The file cannot be read; carries every problem of the text, not only the first.
+    """
+    return _whole(*scan_yaml(path))
+
+
+def parse_yaml(text: str, path: str = "<text>") -> Document:
+    """Read YAML text; `path` stands in messages.
+
+    Raises:
+        InputError: The text cannot be read; carries every problem of the text, not only the first.
+    """
+    return _whole(*scan_text(text, path))
+
+
+def _whole(document: Document | None, problems: list[Problem]) -> Document:
+    if problems or document is None:
+        raise InputError(*problems)
+    return document
+
+
+def scan_yaml(path: str | Path) -> tuple[Document | None, list[Problem]]:
+    """Read a YAML file as far as it can be read, with what is wrong with it.
+
+    Where a value is refused, the document holds its text, so that the rest can still be checked; there is no
+    document if the text is not YAML at all.
+    """
+    shown = str(path)
+    try:
+        raw = Path(path).read_bytes()
+    except FileNotFoundError:
+        siblings = sorted(sibling.name for sibling in Path(path).parent.glob("*.y*ml"))
+        hint = suggest(Path(path).name, siblings)
+        return None, [Problem(shown, 1, 1, "", "there is no such file; allowed: a YAML file", hint)]
+    except IsADirectoryError:
+        return None, [Problem(shown, 1, 1, "", "found a folder; allowed: a YAML file")]
+    except OSError as error:
+        return None, [Problem(shown, 1, 1, "", f"cannot be read: {error.strerror}; allowed: a YAML file")]
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = raw[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - (before.rfind(b"\n") + 1) + 1
+        found = f"found the byte 0x{raw[error.start]:02x}, which is no UTF-8; allowed: a text file in UTF-8"
+        return None, [Problem(shown, line, column, "", found)]
+    return scan_text(text, shown)
+
+
+def scan_text(text: str, path: str) -> tuple[Document | None, list[Problem]]:
+    """Read YAML text as far as it can be read, with what is wrong with it; see `scan_yaml`."""
+    if (unprintable := _UNPRINTABLE.search(text)) is not None:
+        before = text[: unprintable.start()]
+        line, column = before.count("\n") + 1, unprintable.start() - (before.rfind("\n") + 1) + 1
+        found = f"found the control character U+{ord(unprintable[0]):04X}; allowed: printable text"
+        return None, [Problem(path, line, column, "", found)]
+    builder = _Builder(path, text)
+    try:
+        data = builder.document()
+    except yaml.MarkedYAMLError as error:
+        return None, [*builder.problems, _syntax_problem(error, text, path)]
+    except _UnreadableError:
+        return None, builder.problems
+    return Document(path, data, builder.marks), builder.problems
+
+
+def _syntax_problem(error: yaml.MarkedYAMLError, text: str, path: str) -> Problem:
+    mark = error.problem_mark or error.context_mark
+    line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+    context = f" {error.context}" if error.context else ""
+    lines = text.splitlines()
+    rest = lines[line - 1][column - 1 :] if line <= len(lines) else ""
+    hint = ""
+    if rest.startswith("\t"):
+        hint = "indent with spaces, not with tabs"
+    elif rest[:1] in {"%", "@", "`"}:
+        hint = f"put a text that starts with {rest[0]} in quotes"
+    return Problem(path, line, column, "", f"this is not YAML: {error.problem}{context}", hint)
+
+
+class _UnreadableError(Exception):
+    """The rest of the text cannot be read; the reason is among the problems."""
+
+
+@dataclass(frozen=True)
+class _Anchored:
+    data: Data
+    size: int
+
+
+@dataclass
+class _Builder:
+    """Turns the events of PyYAML's parser into data, and collects marks and problems on the way."""
+
+    path: str
+    text: str
+    marks: dict[Place, Mark] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+    anchors: dict[str, _Anchored | None] = field(default_factory=dict)
+    size: int = 0
+    parser: Any = None
+
+    def document(self) -> Data:
+        """The data of the one document of the text."""
+        self.parser = getattr(yaml, "CSafeLoader", yaml.SafeLoader)(self.text)
+        try:
+            self.parser.get_event()  # the start of the stream
+            start = self.parser.get_event()
+            if isinstance(start, yaml.StreamEndEvent):
+                self.give_up(start, "the file is empty; allowed: a mapping of keys and values")
+            data = self.build(self.parser.get_event(), ())
+            self.parser.get_event()  # the end of the document
+            after = self.parser.get_event()
+            if not isinstance(after, yaml.StreamEndEvent):
+                self.complain(after, (), "found a second document; allowed: one document a file")
+        finally:
+            self.parser.dispose()
+        return data
+
+    def build(self, event: Any, place: Place, key: Any = None) -> Data:  # noqa: ANN401 - PyYAML has no types
+        """The data that starts with an event; `key` is the event of its key in the mapping around it."""
+        at, key_at = event.start_mark, (key or event).start_mark
+        self.marks[place] = Mark(at.line + 1, at.column + 1, key_at.line + 1, key_at.column + 1)
+        before = self.size
+        self.grow(event, 1)
+        if isinstance(event, yaml.AliasEvent):
+            return self.alias(event, place)
+        if event.tag is not None:
+            self.complain(event, place, f"found the tag '{event.tag}'; allowed: values without tags")
+        if event.anchor is not None:
+            self.anchors[event.anchor] = None
+        if isinstance(event, yaml.ScalarEvent):
+            data = self.scalar(event, place)
+        elif len(place) >= _DEEPEST:
+            self.give_up(event, f"found lists or mappings nested too deep; allowed: {_DEEPEST}")
+        elif isinstance(event, yaml.SequenceStartEvent):
+            data = self.sequence(place)
+        else:
+            data = self.mapping(place)
+        if event.anchor is not None:
+            self.anchors[event.anchor] = _Anchored(data, self.size - before)
+        return data
+
+    def alias(self, event: Any, place: Place) -> Data:  # noqa: ANN401 - as above
+        """The data that an alias stands for; complaints about it will point at the alias."""
+        if event.anchor not in self.anchors:
+            hint = suggest(event.anchor, self.anchors)
+            self.complain(event, place, f"unknown alias '*{event.anchor}'; allowed: an anchor above it", hint)
+            return None
+        anchored = self.anchors[event.anchor]
+        if anchored is None:
+            self.complain(event, place, "found an alias inside what it stands for; allowed: aliases that end")
+            return None
+        self.grow(event, anchored.size)
+        return anchored.data
+
+    def scalar(self, event: Any, place: Place) -> Data:  # noqa: ANN401 - as above
+        """The value of a scalar; what is refused is reported, and stays as its text."""
+        if not event.implicit[0]:
+            return str(event.value)
+        try:
+            return plain_scalar(event.value)
+        except RefusedScalarError as error:
+            self.complain(event, place, str(error))
+            return str(event.value)
+
+    def sequence(self, place: Place) -> list[Data]:
+        """The items up to the end of a list."""
+        items: list[Data] = []
+        while not isinstance(event := self.parser.get_event(), yaml.SequenceEndEvent):
+            items.append(self.build(event, (*place, len(items))))
+        return items
+
+    def mapping(self, place: Place) -> dict[str, Data]:
+        """The entries up to the end of a mapping; equal keys are reported, and the first one counts."""
+        data: dict[str, Data] = {}
+        while not isinstance(key := self.parser.get_event(), yaml.MappingEndEvent):
+            if not isinstance(key, yaml.ScalarEvent) or key.value == "":
+                self.give_up(key, "found a key that is no text; allowed: a name as key")
+            inner = (*place, key.value)
+            if key.value == "<<" and key.implicit[0]:
+                self.complain(key, place, "found the merge key '<<'; allowed: every entry written out")
+                self.build(self.parser.get_event(), inner, key)
+            elif key.value in data:
+                first = self.marks[inner]
+                again = f"duplicate key '{key.value}', first on line {first.key_line}; allowed: each key once"
+                self.complain(key, inner, again)
+                self.build(self.parser.get_event(), inner, key)
+                self.marks[inner] = first
+            else:
+                data[key.value] = self.build(self.parser.get_event(), inner, key)
+        return data
+
+    def grow(self, event: Any, values: int) -> None:  # noqa: ANN401 - as above
+        """Count values, each time that an alias brings them."""
+        self.size += values
+        if self.size > _LARGEST_DOCUMENT:
+            message = f"found more than {_LARGEST_DOCUMENT} values, aliases counted; allowed: fewer"
+            self.give_up(event, message)
+
+    def complain(self, event: Any, place: Place, message: str, hint: str = "") -> None:  # noqa: ANN401 - as above
+        """Note a problem at an event."""
+        mark = event.start_mark
+        problem = Problem(self.path, mark.line + 1, mark.column + 1, place_text(place), message, hint)
+        self.problems.append(problem)
+
+    def give_up(self, event: Any, message: str) -> NoReturn:  # noqa: ANN401 - as above
+        """Note a problem after which the rest cannot be read."""
+        self.complain(event, (), message)
+        raise _UnreadableError

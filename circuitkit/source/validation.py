@@ -1,0 +1,237 @@
+"""Data to pydantic models, with every complaint in the words of the file: where, found, allowed, hint."""
+
+from __future__ import annotations
+
+import json
+import re
+import types
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from circuitkit.errors import InputError, Problem, listing, suggest
+from circuitkit.source.document import Data, Document, Place
+
+_UNION_KINDS = (Union, types.UnionType)
+
+
+class FileModel(BaseModel):
+    """Base of all models of files: frozen, no unknown keys, no silent conversion of types."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A complaint of pydantic, translated.
+
+    Attributes:
+        place: The part of the document; for a missing key, where it should be.
+        kind: Pydantic's name of the complaint, such as "missing".
+        problem: The complaint in the words of the file.
+    """
+
+    place: Place
+    kind: str
+    problem: Problem
+
+
+def validate_model(document: Document, model: type[ModelT], at: Place = ()) -> ModelT:
+    """Make a model from a document or from a part of it.
+
+    Args:
+        document: The document.
+        model: The pydantic model, usually a `FileModel`.
+        at: The part.
+
+    Raises:
+        InputError: With every complaint, in the order of the file.
+    """
+    data = document.data
+    for part in at:
+        data = data[part]  # type: ignore[index]  # the caller names a part that is there
+    result, findings = model_problems(document, model, data, at)
+    if result is None:
+        raise InputError(*(finding.problem for finding in findings))
+    return result
+
+
+def model_problems(
+    document: Document, model: type[ModelT], data: Data, at: Place = ()
+) -> tuple[ModelT | None, list[Finding]]:
+    """Make a model from data that came from a part of a document, or say everything that is wrong with it.
+
+    The data goes through pydantic's JSON mode, which is strict about types and still takes lists for tuples.
+
+    Args:
+        document: Where the data came from, for line and column.
+        model: The pydantic model.
+        data: The data.
+        at: The part of the document that the data came from.
+
+    Returns:
+        The model and no findings, or None and the findings in the order of the file.
+    """
+    try:
+        return model.model_validate_json(json.dumps(data), strict=True), []
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+    findings: list[Finding] = []
+    by_place: dict[Place, list[Any]] = {}
+    for detail in details:
+        by_place.setdefault(_place(detail, data), []).append(detail)
+    for place, group in by_place.items():
+        # One branch of a union may refuse the type where another takes it and complains about the inside.
+        deeper = any(other != place and other[: len(place)] == place for other in by_place)
+        if not (deeper and _is_wrong_type(group)):
+            findings.append(_finding(document, model, at, place, group))
+    return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
+
+
+def _place(detail: Mapping[str, Any], data: Data) -> Place:
+    """The part of the data that a complaint means: its `loc` without the labels of union branches."""
+    place: list[str | int] = []
+    loc = detail["loc"]
+    for position, part in enumerate(loc, start=1):
+        is_missing_key = position == len(loc) and detail["type"] == "missing"
+        keys = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
+        if part in keys:
+            data = data[part]  # type: ignore[index]  # it is a list or a mapping, for it has keys
+        elif not is_missing_key:
+            continue
+        place.append(part)
+    return tuple(place)
+
+
+def _is_wrong_type(group: list[Any]) -> bool:
+    return all(detail["type"].endswith("_type") for detail in group)
+
+
+def _finding(
+    document: Document, model: type[BaseModel], at: Place, place: Place, group: list[Any]
+) -> Finding:
+    detail, kind = group[0], group[0]["type"]
+    around = model_at(model, place[:-1]) if kind in {"missing", "extra_forbidden"} else None
+    keys = _keys(around) if around else {}
+    name = str(place[-1]) if place else ""
+    if kind == "missing":
+        required = [key for key, is_required in keys.items() if is_required]
+        message = f"missing key '{name}'; required: {listing(required)}"
+        return Finding((*at, *place), kind, document.problem((*at, *place[:-1]), message, at_key=True))
+    if kind == "extra_forbidden":
+        hint = suggest(name, keys)
+        if not hint and detail["input"] is None:
+            hint = "inside braces, put a text that contains a comma in quotes"
+        message = f"unknown key '{name}'; allowed: {listing(sorted(keys))}"
+        return Finding((*at, *place), kind, document.problem((*at, *place), message, hint, at_key=True))
+    message, hint = _found_and_allowed(group)
+    is_key = detail["loc"][-1:] == ("[key]",)
+    return Finding((*at, *place), kind, document.problem((*at, *place), message, hint, at_key=is_key))
+
+
+def _found_and_allowed(group: list[Any]) -> tuple[str, str]:
+    """The message and the hint for the complaints about one value: several if it may be of several types."""
+    own_words = [detail for detail in group if detail["type"] in {"value_error", "assertion_error"}]
+    if own_words:
+        return str(own_words[0]["ctx"]["error"]), ""
+    allowed = list(dict.fromkeys(_allowed(detail) for detail in group))
+    found = group[0]["input"]
+    hint = ""
+    if isinstance(found, str):
+        hint = suggest(found, [word for detail in group for word in _literals(detail)])
+    return f"found {describe(found)}; allowed: {' or '.join(allowed)}", hint
+
+
+def describe(value: object) -> str:
+    """What was found, as text for a message: `'abc'`, `5`, `true`, `a list`, `nothing`."""
+    if isinstance(value, str):
+        return f"'{value}'" if len(value) <= 60 else f"'{value[:60]}…'"  # noqa: PLR2004 - fits on a line
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
+    if isinstance(value, Mapping):
+        return "a mapping"
+    return "nothing" if value is None else json.dumps(value)
+
+
+_ALLOWED = {
+    "string": "a text",
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "dict": "a mapping",
+    "model": "a mapping",
+    "list": "a list",
+    "tuple": "a list",
+    "set": "a list",
+    "path": "a path",
+}
+_BOUNDS = {
+    "finite_number": "a finite number",
+    "greater_than": "more than {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "at most {le:g}",
+    "multiple_of": "a multiple of {multiple_of}",
+    "string_too_short": "a text of at least {min_length} characters",
+    "string_too_long": "a text of at most {max_length} characters",
+    "string_pattern_mismatch": "a text that matches {pattern}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
+    "union_tag_invalid": "{expected_tags}",
+    "union_tag_not_found": "a mapping with the key {discriminator}",
+}
+
+
+def _allowed(detail: Mapping[str, Any]) -> str:
+    kind: str = detail["type"]
+    if literals := _literals(detail):
+        return listing(literals)
+    if kind in _BOUNDS:
+        return _BOUNDS[kind].format(**detail.get("ctx", {}))
+    return _ALLOWED.get(kind.partition("_")[0], str(detail["msg"]))
+
+
+def _literals(detail: Mapping[str, Any]) -> list[str]:
+    if detail["type"] not in {"literal_error", "enum", "union_tag_invalid"}:
+        return []
+    context = detail["ctx"]
+    return re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", ""))))
+
+
+def _keys(model: type[BaseModel]) -> dict[str, bool]:
+    """Every key of a model's mapping, with whether it is required."""
+    return {field.alias or name: field.is_required() for name, field in model.model_fields.items()}
+
+
+def model_at(annotation: Any, place: Place) -> type[BaseModel] | None:  # noqa: ANN401 - any annotation
+    """The model that describes the mapping at a place, starting from the annotation of the top."""
+    for candidate in _branches(annotation):
+        if isinstance(candidate, type) and issubclass(candidate, BaseModel):
+            if not place:
+                return candidate
+            for name, field in candidate.model_fields.items():
+                if place[0] in {field.alias or name} and (found := model_at(field.annotation, place[1:])):
+                    return found
+        elif place and (arguments := [a for a in get_args(candidate) if a is not Ellipsis]):
+            origin = get_origin(candidate)
+            is_mapping = isinstance(origin, type) and issubclass(origin, Mapping)
+            inner = arguments[-1:] if is_mapping else arguments
+            if found := next(filter(None, (model_at(each, place[1:]) for each in inner)), None):
+                return found
+    return None
+
+
+def _branches(annotation: Any) -> Iterator[Any]:  # noqa: ANN401 - any annotation
+    """The branches of a union, or the annotation itself, without `Annotated`."""
+    if hasattr(annotation, "__metadata__"):
+        annotation = annotation.__origin__
+    if get_origin(annotation) in _UNION_KINDS:
+        for branch in get_args(annotation):
+            yield from _branches(branch)
+    else:
+        yield annotation
