@@ -6,15 +6,17 @@ Circuits, gaits, robots and scenarios are all read through here, so that all of 
 from circuitkit.source.data_files import data_folder, find_data_file, shipped_names
 from circuitkit.source.document import Data, Document, Mark, Place, place_text
 from circuitkit.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
-from circuitkit.source.validation import FileModel, model_problems, validate_model
+from circuitkit.source.validation import FileModel, Finding, describe, model_problems, validate_model
 
 __all__ = [
     "Data",
     "Document",
     "FileModel",
+    "Finding",
     "Mark",
     "Place",
     "data_folder",
+    "describe",
     "find_data_file",
     "model_problems",
     "parse_yaml",

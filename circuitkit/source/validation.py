@@ -18,9 +18,12 @@ _UNION_KINDS = (Union, types.UnionType)
 
 
 class FileModel(BaseModel):
-    """Base of all models of files: frozen, no unknown keys, no silent conversion of types."""
+    """Base of all models of files: frozen, no unknown keys, no silent conversion of types.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+    A list in the file becomes a tuple where the model says so, but not behind a validator of mode "before".
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -154,7 +157,7 @@ def describe(value: object) -> str:
     if isinstance(value, list | tuple):
         return f"a list of {len(value)}"
     if isinstance(value, Mapping):
-        return "a mapping"
+        return f"a mapping of {len(value)}"
     return "nothing" if value is None else json.dumps(value)
 
 
@@ -180,8 +183,8 @@ _BOUNDS = {
     "string_too_short": "a text of at least {min_length} characters",
     "string_too_long": "a text of at most {max_length} characters",
     "string_pattern_mismatch": "a text that matches {pattern}",
-    "too_short": "a list of at least {min_length}",
-    "too_long": "a list of at most {max_length}",
+    "too_short": "a length of at least {min_length}",
+    "too_long": "a length of at most {max_length}",
     "union_tag_invalid": "{expected_tags}",
     "union_tag_not_found": "a mapping with the key {discriminator}",
 }

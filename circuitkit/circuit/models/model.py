@@ -44,6 +44,7 @@ class NeuronModel:
         source: Where the equation comes from.
         parameters: In the order of the file.
         output: The dimensionless output, in terms of the activation `A` and of the parameters.
+        increasing: Names of parameters of which each must be below the next.
     """
 
     name: str
@@ -51,6 +52,7 @@ class NeuronModel:
     source: str
     parameters: tuple[ModelParameter, ...]
     output: Expression
+    increasing: tuple[str, ...] = ()
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -69,6 +71,7 @@ class _ModelFile(FileModel):
     description: str
     source: str
     parameters: dict[str, _ParameterFile]
+    increasing: tuple[str, ...] = ()
     output: str
 
 
@@ -88,4 +91,4 @@ def neuron_model(name: str) -> NeuronModel:
         for key, entry in file.parameters.items()
     )
     output = parse_expression(file.output, (ACTIVATION, *file.parameters))
-    return NeuronModel(file.model, file.description, file.source, parameters, output)
+    return NeuronModel(file.model, file.description, file.source, parameters, output, file.increasing)

@@ -1,0 +1,89 @@
+"""Circuit files to `CircuitSpec`, with every error of all files at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from circuitkit.circuit.parts import read_parts
+from circuitkit.circuit.resolve import analyse
+from circuitkit.circuit.spec import CircuitSpec
+from circuitkit.errors import InputError, Problem
+from circuitkit.source import Document, find_data_file, model_problems, scan_text, scan_yaml
+
+FOLDER = "circuits"
+
+
+def load_circuit(path_or_name: str | Path) -> CircuitSpec:
+    """Read a circuit file and check it.
+
+    Args:
+        path_or_name: A path, or the name of a shipped circuit.
+
+    Raises:
+        InputError: With every error of the file and of those it includes.
+    """
+    return _sound(_examine(*scan_yaml(find_data_file(path_or_name, FOLDER))))
+
+
+def parse_circuit(text: str, path: str = "<text>") -> CircuitSpec:
+    """Read the text of a circuit file and check it.
+
+    Args:
+        text: The text.
+        path: What stands in messages; includes start from its folder.
+
+    Raises:
+        InputError: With every error of the text and of the files it includes.
+    """
+    return _sound(_examine(*scan_text(text, path)))
+
+
+def check(path_or_name: str | Path) -> tuple[tuple[Problem, ...], tuple[Problem, ...]]:
+    """All errors and all warnings of a circuit file and of those it includes, in the order of the text.
+
+    Args:
+        path_or_name: A path, or the name of a shipped circuit.
+
+    Returns:
+        The errors and the warnings.
+    """
+    try:
+        path = find_data_file(path_or_name, FOLDER)
+    except InputError as error:
+        return error.problems, ()
+    found = _examine(*scan_yaml(path))
+    return found.errors, found.warnings
+
+
+@dataclass(frozen=True)
+class _Examined:
+    spec: CircuitSpec | None
+    errors: tuple[Problem, ...]
+    warnings: tuple[Problem, ...]
+
+
+def _sound(found: _Examined) -> CircuitSpec:
+    if found.spec is None or found.errors:
+        raise InputError(*found.errors)
+    return found.spec
+
+
+def _examine(document: Document | None, problems: list[Problem]) -> _Examined:
+    if document is None:
+        return _Examined(None, tuple(problems), ())
+    parts, form = read_parts(document)
+    _, meaning, warnings = analyse(parts)
+    spec, _ = model_problems(document, CircuitSpec, document.data)
+    remembering = spec.with_parts(parts) if spec else None
+    return _Examined(remembering, _in_order([*problems, *form, *meaning]), _in_order(warnings))
+
+
+def _in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
+    """The problems in the order of the text, one for each place: the first one there caused the others."""
+    by_place: dict[tuple[str, int, int, str], Problem] = {}
+    for problem in problems:
+        by_place.setdefault((problem.file, problem.line, problem.column, problem.where), problem)
+    files = list(dict.fromkeys(problem.file for problem in by_place.values()))
+    return tuple(sorted(by_place.values(), key=lambda each: (files.index(each.file), each.line, each.column)))
