@@ -33,8 +33,14 @@ class Dimension(NamedTuple):
 
     @property
     def si_symbol(self) -> str:
-        """The SI unit of this dimension, such as `m/s`; `1` if dimensionless."""
-        return _fraction_text(self, ("m", "kg", "s", "rad", "A", "K"))
+        """The SI unit of this dimension, such as `m/s` or `/m`; `1` if dimensionless."""
+        text = _fraction_text(self, ("m", "kg", "s", "rad", "A", "K"))
+        return text.removeprefix("1") if any(self) else "1"
+
+    @property
+    def si_unit(self) -> Unit:
+        """The SI unit of this dimension, as a unit."""
+        return Unit(self.si_symbol, Fraction(1), self)
 
     def __str__(self) -> str:
         return _fraction_text(self, self._fields) if any(self) else "dimensionless"
