@@ -12,7 +12,7 @@ from circuitkit.circuit.parts import Part, part_of
 from circuitkit.circuit.scope import Item, Scope
 from circuitkit.circuit.spec import CircuitSpec, FileSpec, NeuronSpec, OutputSpec, SynapseSpec
 from circuitkit.errors import InputError, Problem, UnknownNameError, listing, suggest
-from circuitkit.source import Place
+from circuitkit.source import STRAY_TEXT, Place
 from circuitkit.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
 
 
@@ -129,7 +129,8 @@ def _written_parameters(scope: Scope, item: Item[NeuronSpec], model: NeuronModel
     for key in item.spec.values:
         if key not in model.parameter_names:
             message = f"unknown key '{key}' for the model {model.name}; allowed: {listing(allowed)}"
-            scope.errors.append(item.problem((key,), message, suggest(key, allowed), at_key=True))
+            hint = suggest(key, allowed) or ("" if item.spec.values[key] is not None else STRAY_TEXT)
+            scope.errors.append(item.problem((key,), message, hint, at_key=True))
     for parameter in model.parameters:
         if parameter.default is None and parameter.name not in item.spec.values:
             required = (*own_keys, *(each.name for each in model.parameters if each.default is None))
@@ -197,7 +198,7 @@ def _synapses(
             else:
                 first[source, target] = item
                 targets.append(target)
-        node = inputs.get(source) or neurons.get(source)
+        node = inputs.get(source) if source in scope.inputs else neurons.get(source)
         yield from _weighted(scope, item, node, [neurons[name] for name in targets if name in neurons])
 
 

@@ -133,7 +133,7 @@ class Scope:
         return f"{found}; allowed: {allowed}: {listing(names)}", suggest(name, names)
 
     def value(
-        self, item: Item[SpecT], inner: Place, value: float | str, unit: Unit | None = None, reason: str = ""
+        self, item: Item[SpecT], inner: Place, value: object, unit: Unit | None = None, reason: str = ""
     ) -> Quantity | None:
         """The quantity that a value stands for, or None after complaining.
 

@@ -23,6 +23,7 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from circuitkit.circuit.graph import Role, Timing
+from circuitkit.circuit.values import not_a_value
 from circuitkit.source import FileModel, describe
 from circuitkit.units import parse_unit
 
@@ -40,9 +41,8 @@ def _check_name(text: str) -> str:
 
 
 def _check_value(value: object) -> object:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        message = f"found {describe(value)}; allowed: a number, a quantity such as '-80 mm', or a parameter"
-        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
+    if (complaint := not_a_value(value)) is not None:
+        raise ValueError(complaint)
     return value
 
 
@@ -108,15 +108,15 @@ class NeuronSpec(FileModel):
     """A neuron: an activation function with its parameters, which stand beside the keys below."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Value]
+    __pydantic_extra__: dict[str, Any]
 
     model: str = Field(description="The activation function: one of the neuron models.")
     role: Role = Field(description="excitatory: outgoing weights are positive; inhibitory: negative.")
     description: Description = ""
 
     @property
-    def values(self) -> Mapping[str, float | str]:
-        """The parameters of the model, as written."""
+    def values(self) -> Mapping[str, object]:
+        """The parameters of the model, as written; not checked in any way."""
         return self.__pydantic_extra__ or {}
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 
 from circuitkit.errors import UnitError, listing, suggest
+from circuitkit.source import describe
 from circuitkit.units import DIMENSIONLESS, Quantity, parse_quantity
 
 _NAME = re.compile(r"(?P<sign>[+-]?)(?P<name>[A-Za-z_][A-Za-z0-9_]*)")
@@ -26,19 +27,21 @@ class LostNameError(Exception):
     """A value names something that is declared but unsound, which is reported where it is declared."""
 
 
-def evaluate(value: float | str, look_up: Callable[[str], Quantity]) -> Quantity:
+def evaluate(value: object, look_up: Callable[[str], Quantity]) -> Quantity:
     """The quantity that a value of the file stands for.
 
     Args:
-        value: As written: a number, or a text.
+        value: As written: a number or a text; anything else is complained about.
         look_up: Gives the value of a parameter.
 
     Raises:
         ValueProblemError: It is no value, is not finite, or adds up what does not fit together.
         LostNameError: It names an unsound parameter.
     """
+    if (complaint := not_a_value(value)) is not None:
+        raise ValueProblemError(complaint)
     if not isinstance(value, str):
-        return Quantity(_finite(float(value), str(value)), DIMENSIONLESS)
+        return Quantity(_finite(float(value), str(value)), DIMENSIONLESS)  # type: ignore[arg-type]  # a number
     pieces = _JOINT.split(value.strip())
     total = _term(pieces[0], look_up)
     for sign, piece in zip(pieces[1::2], pieces[2::2], strict=True):
@@ -70,6 +73,13 @@ def _finite(number: float, text: str) -> float:
         message = f"found '{text}', which is too large; allowed: a finite number"
         raise ValueProblemError(message)
     return number
+
+
+def not_a_value(value: object) -> str | None:
+    """The complaint about something that is neither a number nor a text; None if it is one."""
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        return None
+    return f"found {describe(value)}; allowed: a number, a quantity such as '-80 mm', or a parameter"
 
 
 def unknown_parameter(name: str, parameters: Mapping[str, object]) -> ValueProblemError:

@@ -6,9 +6,18 @@ Circuits, gaits, robots and scenarios are all read through here, so that all of 
 from circuitkit.source.data_files import data_folder, find_data_file, shipped_names
 from circuitkit.source.document import Data, Document, Mark, Place, place_text
 from circuitkit.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
-from circuitkit.source.validation import FileModel, Finding, describe, model_problems, validate_model
+from circuitkit.source.validation import (
+    STRAY_TEXT,
+    FileModel,
+    Finding,
+    describe,
+    model_problems,
+    validate_model,
+)
+from circuitkit.source.writer import dump_yaml
 
 __all__ = [
+    "STRAY_TEXT",
     "Data",
     "Document",
     "FileModel",
@@ -17,6 +26,7 @@ __all__ = [
     "Place",
     "data_folder",
     "describe",
+    "dump_yaml",
     "find_data_file",
     "model_problems",
     "parse_yaml",

@@ -15,6 +15,7 @@ from circuitkit.errors import InputError, Problem, listing, suggest
 from circuitkit.source.document import Data, Document, Place
 
 _UNION_KINDS = (Union, types.UnionType)
+STRAY_TEXT = "inside braces, put a text that contains a comma in quotes"
 
 
 class FileModel(BaseModel):
@@ -127,9 +128,7 @@ def _finding(
         message = f"missing key '{name}'; required: {listing(required)}"
         return Finding((*at, *place), kind, document.problem((*at, *place[:-1]), message, at_key=True))
     if kind == "extra_forbidden":
-        hint = suggest(name, keys)
-        if not hint and detail["input"] is None:
-            hint = "inside braces, put a text that contains a comma in quotes"
+        hint = suggest(name, keys) or ("" if detail["input"] is not None else STRAY_TEXT)
         message = f"unknown key '{name}'; allowed: {listing(sorted(keys))}"
         return Finding((*at, *place), kind, document.problem((*at, *place), message, hint, at_key=True))
     message, hint = _found_and_allowed(group)
@@ -183,8 +182,8 @@ _BOUNDS = {
     "string_too_short": "a text of at least {min_length} characters",
     "string_too_long": "a text of at most {max_length} characters",
     "string_pattern_mismatch": "a text that matches {pattern}",
-    "too_short": "a length of at least {min_length}",
-    "too_long": "a length of at most {max_length}",
+    "too_short": "at least {min_length}",
+    "too_long": "at most {max_length}",
     "union_tag_invalid": "{expected_tags}",
     "union_tag_not_found": "a mapping with the key {discriminator}",
 }
