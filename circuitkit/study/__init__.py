@@ -1,0 +1,1 @@
+"""Studies: many runs to one answer. For now the benchmarks."""
