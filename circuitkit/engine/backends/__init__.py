@@ -1,0 +1,67 @@
+"""Execution backends: each module here named `NAME_backend` makes kernels, which do a program's arithmetic.
+
+A new backend is a new module with a function `make_kernel(program, batch)`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from circuitkit.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from circuitkit.engine.program import Program
+    from circuitkit.engine.state import FloatArray, State
+
+_SUFFIX = "_backend"
+BACKEND_NAMES: tuple[str, ...] = tuple(
+    sorted(path.stem.removesuffix(_SUFFIX) for path in Path(__file__).parent.glob(f"*{_SUFFIX}.py"))
+)
+
+
+class Kernel(Protocol):
+    """A program bound to arrays for one batch size; not to be shared between threads.
+
+    Attributes:
+        batch: Number of copies B of the circuit.
+        inputs: Where the inputs of the next tick are written, shape (B, n_inputs), [SI].
+        readout: Outputs of the circuit after the last tick, a read-only view of shape (B, n_outputs), [SI].
+        advance: Does one tick with what stands in `inputs`.
+    """
+
+    batch: int
+    inputs: FloatArray
+    readout: FloatArray
+    advance: Callable[[], object]
+
+    def load(self, state: State) -> None:
+        """Take over a state."""
+
+    def store(self, state: State) -> None:
+        """Write the state into the arrays of another one."""
+
+
+class KernelMaker(Protocol):
+    """Makes kernels; what a backend module must have under the name `make_kernel`."""
+
+    def __call__(self, program: Program, batch: int) -> Kernel:
+        """A kernel with a zero state for B = `batch` copies."""
+
+
+@lru_cache
+def load_backend(name: str) -> KernelMaker:
+    """The kernel maker of a backend.
+
+    Raises:
+        UnknownNameError: There is no backend of this name; the message lists those there are.
+    """
+    if name not in BACKEND_NAMES:
+        kind = "backend"
+        raise UnknownNameError(kind, name, BACKEND_NAMES)
+    module = importlib.import_module(f"{__name__}.{name}{_SUFFIX}")
+    make_kernel: KernelMaker = module.make_kernel
+    return make_kernel

@@ -1,0 +1,174 @@
+"""Names, messages, wide and odd circuits, and values that are not finite."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from circuitkit.engine import State, compile_circuit, run, step
+from circuitkit.errors import InputError, UnknownNameError
+
+
+@pytest.fixture
+def graph(build):
+    neurons = [
+        build.neuron("a", "sigmoid", slope=2.0, shift=0.0),
+        build.neuron("b"),
+        build.neuron("c", "window", slope=2.0, low=-1.0, high=1.0),
+        build.neuron("d"),
+    ]
+    synapses = [
+        ("left", "a", 1.0),
+        ("right", "b", 2.0),
+        ("right", "c", 1.0),
+        ("a", "d", 1.0),
+        ("b", "d", -1.0),
+    ]
+    return build.circuit(neurons, synapses, [build.output("y", {"d": 1.0})], inputs=("left", "right"))
+
+
+def test_names_and_indices_are_in_file_order_whatever_the_order_inside(graph):
+    program = compile_circuit(graph)
+    assert program.neuron_names == ("a", "b", "c", "d")
+    assert program.row_of_neuron.tolist() != [0, 1, 2, 3]
+    assert program.input_index == {"left": 0, "right": 1}
+    assert program.neuron_index == {"a": 0, "b": 1, "c": 2, "d": 3}
+    assert program.output_index == {"y": 0}
+    assert program.step_s == 0.01
+    output = step(program, program.initial_state(), np.array([[0.0, 3.0]])).output
+    assert output[0, [0, 1, 3]].tolist() == [0.5, 6.0, -5.5]
+
+
+def test_inputs_are_packed_by_name(graph):
+    program = compile_circuit(graph)
+    assert program.pack_inputs({"right": 2.0, "left": 1.0}).tolist() == [[1.0, 2.0]]
+    assert program.pack_inputs({"left": np.zeros((5, 3)), "right": 1.0}).shape == (5, 3, 2)
+    with pytest.raises(UnknownNameError) as unknown:
+        program.pack_inputs({"left": 1.0, "rihgt": 2.0})
+    assert str(unknown.value) == "unknown input 'rihgt'; allowed: left, right; did you mean 'right'?"
+    with pytest.raises(InputError) as missing:
+        program.pack_inputs({"left": 1.0})
+    assert str(missing.value) == "inputs: found no value for right; allowed: a value for every input"
+    with pytest.raises(InputError) as shapes:
+        program.pack_inputs({"left": np.zeros(2), "right": np.zeros(3)})
+    assert str(shapes.value) == "inputs: found shapes left (2,), right (3,); allowed: shapes that broadcast"
+
+
+def test_shapes_that_do_not_fit_are_named_with_those_that_do(graph):
+    program = compile_circuit(graph)
+    state = program.initial_state(4)
+    calls = {
+        "inputs: found shape (4, 3); allowed: an array of shape (4, 2) with the columns left, right": (
+            lambda: step(program, state, np.zeros((4, 3)))
+        ),
+        "inputs: found shape (2,); allowed: an array of shape (1, 2) with the columns left, right": (
+            lambda: program.stepper().step(np.zeros(2))
+        ),
+        "inputs: found list; allowed: an array of shape (1, 2) with the columns left, right": (
+            lambda: program.stepper().step([[0.0, 0.0]])
+        ),
+        "inputs: found shape (9, 2); allowed: an array of shape (T, B, 2) with the columns left, right": (
+            lambda: run(program, np.zeros((9, 2)))
+        ),
+        "state: found arrays of shapes ((4, 4), (4, 4), (4, 1)); allowed: ((3, 4), (3, 4), (3, 1)), "
+        "for the circuit 'test'": (lambda: run(program, np.zeros((9, 3, 2)), state)),
+        "out: found arrays of shapes ((1, 4), (1, 4), (1, 1)); allowed: ((4, 4), (4, 4), (4, 1)), "
+        "for the circuit 'test'": (
+            lambda: step(program, state, np.zeros((4, 2)), out=program.initial_state())
+        ),
+        "batch: found 0; allowed: whole numbers from 1": lambda: program.initial_state(0),
+    }
+    for message, call in calls.items():
+        with pytest.raises(InputError) as error:
+            call()
+        assert str(error.value) == message
+
+
+def test_an_unknown_backend_is_named_with_those_there_are(graph):
+    with pytest.raises(UnknownNameError) as error:
+        compile_circuit(graph, backend="nunpy")
+    assert str(error.value) == "unknown backend 'nunpy'; allowed: numpy; did you mean 'numpy'?"
+
+
+def test_check_inputs_names_what_is_not_finite(graph):
+    program = compile_circuit(graph)
+    inputs = np.zeros((10, 3, 2))
+    program.check_inputs(inputs)
+    inputs[4, 2, 1] = np.nan
+    inputs[5, 0, 0] = np.inf
+    expected = (
+        "inputs.right: found nan at step 4, batch member 2; allowed: finite numbers; 1 more are not finite"
+    )
+    with pytest.raises(InputError) as error:
+        program.check_inputs(inputs)
+    assert str(error.value) == expected
+    with pytest.raises(InputError) as error:
+        run(program, inputs)
+    assert str(error.value) == expected
+    with pytest.raises(InputError) as error:
+        program.check_inputs(np.array([[-np.inf, 0.0]]))
+    assert str(error.value) == "inputs.left: found -inf at batch member 0; allowed: finite numbers"
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308])
+def test_what_is_not_finite_travels_along_the_synapses_only_and_without_a_warning(graph, value):
+    program = compile_circuit(graph)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        state = step(program, program.initial_state(), np.array([[0.0, value]]))
+    a, b, _, d = state.output[0]
+    assert a == 0.5
+    assert not np.isfinite(b)
+    assert not np.isfinite(d)
+    after = step(program, state, np.array([[0.0, 1.0]]))
+    assert np.isfinite(after.output).all()  # nothing here integrates, so nothing stays
+
+
+def test_a_nan_is_not_hidden_by_the_limits(build):
+    graph = build.circuit([build.neuron("n")], [("u", "n", 1.0)], [build.output("y", {"n": 1.0}, limit=1.0)])
+    program = compile_circuit(graph)
+    assert np.isnan(step(program, program.initial_state(), np.array([[np.nan]])).readout).all()
+
+
+def test_sigmoids_do_not_overflow(build):
+    neurons = [
+        build.neuron("s", "sigmoid", slope=1e10, shift=0.0),
+        build.neuron("w", "window", slope=1e10, low=-1.0, high=1.0),
+    ]
+    program = compile_circuit(build.circuit(neurons, [("u", "s", 1.0), ("u", "w", 1.0)]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        trace = run(program, np.array([-1e300, 0.0, 1e300]).reshape(-1, 1, 1))
+    assert trace.output[:, 0].tolist() == [[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]
+
+
+def test_circuits_without_inputs_outputs_or_synapses_run(build):
+    graph = build.circuit([build.neuron("n", "sigmoid", slope=4.0, shift=0.5)], [], inputs=())
+    trace = run(compile_circuit(graph), np.zeros((3, 2, 0)))
+    assert trace.output.shape == (3, 2, 1)
+    np.testing.assert_allclose(trace.output, 1 / (1 + np.exp(2.0)), rtol=1e-15)
+    assert trace.readout.shape == (3, 2, 0)
+
+
+def test_one_neuron_with_very_many_sources_does_not_make_all_sums_long(build, by_hand):
+    names = [f"n{i}" for i in range(300)]
+    neurons = [build.neuron(name, "tanh", slope=1.0, shift=0.0) for name in names]
+    synapses = [("u", "n1", 1.0)]
+    synapses += [(name, "n0", 0.01 * i) for i, name in enumerate(names)]
+    synapses += [("n0", name, 0.001 * i) for i, name in enumerate(names[2:])]
+    graph = build.circuit(neurons, synapses, timing="synchronous")
+    program = compile_circuit(graph)
+    assert sum(gather.sources.size for gather in program.stages[0].gathers) < 2 * len(synapses) + 512
+    state, reference = program.initial_state(), by_hand(graph)
+    for _ in range(5):
+        state = step(program, state, np.array([[0.3]]))
+        expected = reference.tick({"u": 0.3})[1]
+    np.testing.assert_allclose(state.output[0], expected, rtol=1e-12)
+
+
+def test_a_state_of_zeros_has_the_shapes_of_its_program(graph):
+    state = compile_circuit(graph).initial_state(3)
+    assert isinstance(state, State)
+    assert state.batch == 3
+    assert (state.activation.shape, state.output.shape, state.readout.shape) == ((3, 4), (3, 4), (3, 1))
+    assert not state.output.any()
