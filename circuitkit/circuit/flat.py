@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal, localcontext
+from fractions import Fraction
 from typing import Any
 
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse
@@ -11,6 +13,7 @@ from circuitkit.source import dump_yaml
 from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_quantity, parse_unit
 
 MOST_DIGITS = 17  # with so many, every float is told from its neighbours
+MANY_DIGITS = 25  # with so many, it still is after conversion to another unit
 
 
 def flat_document(graph: CircuitGraph) -> dict[str, Any]:
@@ -37,7 +40,7 @@ def exact(value_si: float, unit: Unit) -> float | str:
 
     Args:
         value_si: The value, [SI].
-        unit: The unit to write it in; where no number in it reads back exactly, the SI unit is taken.
+        unit: The unit to write it in.
     """
     if unit == DIMENSIONLESS:
         return int(value_si) if value_si == int(value_si) else value_si
@@ -45,7 +48,10 @@ def exact(value_si: float, unit: Unit) -> float | str:
         text = _with_unit(float(f"{unit.from_si(value_si):.{digits}g}"), unit.symbol)
         if parse_quantity(text).value_si == value_si:
             return text
-    return _with_unit(value_si, unit.dimension.si_symbol)
+    exact_value = Fraction(value_si) / unit.factor  # no float in this unit reads back exactly, but this does
+    with localcontext(prec=MANY_DIGITS):
+        number = Decimal(exact_value.numerator) / Decimal(exact_value.denominator)
+    return f"{number} {unit}"
 
 
 def _with_unit(number: float, symbol: str) -> str:

@@ -10,6 +10,8 @@ import yaml
 from circuitkit.source.document import Data
 from circuitkit.source.scalars import RefusedScalarError, plain_scalar
 
+_UNUSUAL_BREAKS = frozenset("\x85\u2028\u2029")
+
 
 def dump_yaml(data: Data) -> str:
     """The data as YAML text; lists and mappings without others inside stand on one line.
@@ -24,11 +26,12 @@ def dump_yaml(data: Data) -> str:
 
 
 def _represent_text(dumper: Any, text: str) -> Any:  # noqa: ANN401 - PyYAML has no types of its own
-    """A text; in quotes if `plain_scalar` would take it for something else, as PyYAML may not know."""
+    """A text; in double quotes where `plain_scalar` would take it for something else, or at odd breaks."""
     try:
-        style = None if plain_scalar(text) == text else '"'
+        is_plain = plain_scalar(text) == text and not _UNUSUAL_BREAKS & set(text)
     except RefusedScalarError:
-        style = '"'
+        is_plain = False
+    style = None if is_plain else '"'
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 

@@ -1,0 +1,83 @@
+"""Random circuits: what is valid validates, and what is written reads back as the same circuit."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import strategies
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from circuitkit.circuit import CircuitSpec, parse_circuit, resolve
+from circuitkit.circuit.flat import flat_yaml
+from circuitkit.errors import InputError
+from circuitkit.source import dump_yaml
+
+few = settings(max_examples=40, deadline=None)
+
+
+@given(strategies.circuit_data())
+@few
+def test_random_circuits_validate_and_say_what_was_written(data):
+    graph = resolve(parse_circuit(dump_yaml(data)))
+    assert [node.name for node in graph.inputs] == list(data["inputs"])
+    assert [node.name for node in graph.neurons] == list(data["neurons"])
+    assert [node.name for node in graph.outputs] == list(data["outputs"])
+    assert len(graph.synapses) == len(data["synapses"])
+    assert [synapse.source for synapse in graph.synapses] == [entry["from"] for entry in data["synapses"]]
+    assert graph.timing == data["timing"]
+    assert list(graph.parameters) == list(data["parameters"])
+
+
+@given(strategies.circuit_texts())
+@few
+def test_a_spec_written_out_reads_back_as_the_same_circuit(text):
+    spec = parse_circuit(text)
+    again = parse_circuit(dump_yaml(spec.model_dump(mode="json", by_alias=True, exclude_unset=True)))
+    assert again.model_dump() == spec.model_dump()
+    assert resolve(again) == resolve(spec)
+
+
+@given(strategies.circuit_graphs())
+@few
+def test_a_graph_written_out_reads_back_as_the_same_circuit(graph):
+    assert resolve(parse_circuit(flat_yaml(graph))) == replace(graph, parameters={})
+
+
+@given(strategies.circuit_data())
+@few
+def test_a_spec_made_in_python_resolves_to_the_same_circuit(data):
+    text = dump_yaml(data)
+    made = CircuitSpec.model_validate_json(json.dumps(data))
+    assert made.parts == ()
+    assert resolve(made) == resolve(parse_circuit(text))
+
+
+@given(strategies.circuit_texts(), st.data())
+@few
+def test_a_file_with_one_line_missing_never_crashes(text, data):
+    lines = text.splitlines(keepends=True)
+    gone = data.draw(st.integers(0, len(lines) - 1))
+    try:
+        resolve(parse_circuit("".join(lines[:gone] + lines[gone + 1 :]), "f.yaml"))
+    except InputError as error:
+        assert error.problems
+        assert all(problem.file == "f.yaml" and problem.line >= 1 for problem in error.problems)
+
+
+keys = st.sampled_from(["circuit", "timing", "parameters", "inputs", "neurons", "synapses", "outputs", "include"])
+leaves = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
+anything = st.recursive(
+    leaves, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(min_size=1), inner, max_size=3)
+)
+
+
+@given(st.dictionaries(keys, anything, max_size=4), strategies.circuit_data())
+@few
+def test_nonsense_in_a_section_is_an_input_error(nonsense, data):
+    text = dump_yaml({**data, **nonsense})
+    try:
+        resolve(parse_circuit(text, "f.yaml"))
+    except InputError as error:
+        assert error.problems

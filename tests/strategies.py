@@ -1,0 +1,119 @@
+"""Hypothesis strategies: random circuits in the terms of the file, and as graphs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import strategies as st
+
+from circuitkit.circuit import CircuitGraph, parse_circuit, resolve
+from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.source import dump_yaml
+
+UNITS = ("1", "mm", "m", "deg", "N", "%")
+ACTIVATION_UNITS = ("1", "1", "mm", "deg")
+TIMINGS = ("as_printed", "synchronous", "ordered")
+
+magnitudes = st.floats(1e-3, 1e3)
+signed = st.builds(lambda size, sign: size * sign, magnitudes, st.sampled_from([1, -1]))
+descriptions = st.text(st.characters(exclude_categories=("Cs", "Cn")), max_size=20)
+
+
+def with_unit(number: float, unit: str) -> float | str:
+    """A value of the file: a bare number if dimensionless."""
+    return number if unit == "1" else f"{number!r} {unit}"
+
+
+def quotient(above: str, below: str) -> str:
+    """The unit of a weight from a source in one unit to an activation in another."""
+    if above == below or below in {"1", "%"}:
+        return "1" if above == below else above
+    return f"{above}/{below}"
+
+
+def reciprocal(unit: str) -> str:
+    """The unit of a slope."""
+    return "1" if unit == "1" else f"/{unit}"
+
+
+@st.composite
+def inputs(draw: st.DrawFn) -> dict[str, Any]:
+    """A sensorial input."""
+    unit = draw(st.sampled_from(UNITS))
+    low = draw(signed)
+    pair = [with_unit(low, unit), with_unit(low + draw(magnitudes), unit)]
+    return {"unit": unit, "range": pair, "description": draw(descriptions)}
+
+
+@st.composite
+def neurons(draw: st.DrawFn, unit: str) -> dict[str, Any]:
+    """A neuron of any model whose activation has this unit; parameters with a default may be left out."""
+    model = neuron_model(draw(st.sampled_from(MODEL_NAMES)))
+    units = {"activation": unit, "1/activation": reciprocal(unit), "1": "1"}
+    entry: dict[str, Any] = {"model": model.name, "role": draw(st.sampled_from(["excitatory", "inhibitory"]))}
+    numbers = {each.name: draw(signed) for each in model.parameters}
+    ascending = sorted(numbers[name] for name in model.increasing)
+    gap = dict(zip(model.increasing, range(len(ascending)), strict=True))
+    numbers |= {name: ascending[position] + position for name, position in gap.items()}
+    for each in model.parameters:
+        decides_unit = unit != "1" and model.parameters[0].name == each.name
+        if each.default is None or decides_unit or draw(st.booleans()):
+            entry[each.name] = with_unit(numbers[each.name], units[each.unit_rule])
+    return entry
+
+
+@st.composite
+def outputs(draw: st.DrawFn, names: list[str]) -> dict[str, Any]:
+    """An output that reads some of the neurons."""
+    unit = draw(st.sampled_from(UNITS))
+    read = draw(st.lists(st.sampled_from(names), min_size=1, max_size=3, unique=True))
+    entry: dict[str, Any] = {"unit": unit, "readout": {name: with_unit(draw(signed), unit) for name in read}}
+    if draw(st.booleans()):
+        entry["integrate"] = {"leak": f"{draw(st.integers(0, 100))} %"}
+    if draw(st.booleans()):
+        limit = draw(magnitudes)
+        entry["limits"] = [with_unit(-limit, unit), with_unit(limit, unit)]
+    return entry
+
+
+@st.composite
+def circuit_data(draw: st.DrawFn) -> dict[str, Any]:
+    """A valid circuit file as data: random units, models, roles, parameters, recurrent synapses and outputs."""
+    signals = {f"u{i}": draw(inputs()) for i in range(draw(st.integers(0, 3)))}
+    units = {f"n{i}": draw(st.sampled_from(ACTIVATION_UNITS)) for i in range(draw(st.integers(1, 6)))}
+    cells = {name: draw(neurons(unit)) for name, unit in units.items()}
+    pairs = st.tuples(st.sampled_from([*signals, *cells]), st.sampled_from([*cells]))
+    parameters: dict[str, Any] = {}
+    synapses = []
+    for source, target in draw(st.lists(pairs, unique=True, max_size=12)):
+        unit = quotient(units[target], signals[source]["unit"] if source in signals else "1")
+        sign = draw(st.sampled_from([1, -1])) if source in signals else 1
+        if source in cells and cells[source]["role"] == "inhibitory":
+            sign = -1
+        weight: float | str = with_unit(sign * draw(magnitudes), unit)
+        if draw(st.booleans()):
+            name = f"w{len(parameters)}"
+            parameters[name] = {"value": weight, "description": draw(descriptions)}
+            weight = name
+        synapses.append({"from": source, "to": draw(st.sampled_from([target, [target]])), "weight": weight})
+    return {
+        "circuit": "random",
+        "description": draw(descriptions),
+        "control_step": f"{draw(st.integers(1, 50))} ms",
+        "timing": draw(st.sampled_from(TIMINGS)),
+        "parameters": parameters,
+        "inputs": signals,
+        "neurons": cells,
+        "synapses": synapses,
+        "outputs": {f"y{i}": draw(outputs([*cells])) for i in range(draw(st.integers(1, 2)))},
+    }
+
+
+def circuit_texts() -> st.SearchStrategy[str]:
+    """The text of a valid circuit file."""
+    return circuit_data().map(dump_yaml)
+
+
+def circuit_graphs() -> st.SearchStrategy[CircuitGraph]:
+    """A resolved circuit."""
+    return circuit_texts().map(lambda text: resolve(parse_circuit(text)))
