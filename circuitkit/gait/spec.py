@@ -1,0 +1,84 @@
+"""The gait file: the numbers of a walk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from circuitkit.source import FileModel, find_data_file, read_yaml, validate_model
+from circuitkit.source.fields import Metres, Radians, Ratio, Seconds
+
+_FOLDER = "sims"
+
+
+class Window(FileModel):
+    """A part of single support."""
+
+    start: Ratio = Field(ge=0, le=1, description="Where it begins, as a part of single support.")
+    end: Ratio = Field(ge=0, le=1, description="Where it ends, as a part of single support.")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Window:
+        if self.start >= self.end:
+            message = f"found start {self.start:g} and end {self.end:g}; allowed: start before end"
+            raise ValueError(message)
+        return self
+
+
+class Lift(Window):
+    """How the swing foot is lifted: by `height` times sin^2 over the window."""
+
+    height: Metres = Field(ge=0, le=0.08, description="Highest point of the swing foot.")
+
+
+class ZmpReference(FileModel):
+    """Where the ZMP shall be under the support foot, from the ankle's middle line."""
+
+    forward: Metres = Field(description="Ahead of the ankle of the support foot.")
+    sideways: Metres = Field(gt=0, description="From the middle between the feet, to the support foot's side.")
+
+
+class GaitSpec(FileModel):
+    """A walk of the paper's three movements: transfer, lift and extend."""
+
+    gait: str = Field(description="Name.")
+    pattern: Literal["three_movements"] = Field(description="How the joints are found: eqs. 3-10 of the paper.")
+    description: str = ""
+    control_step: Seconds = Field(gt=0, description="Time between two sets of joint angles.")
+    double_support: Seconds = Field(gt=0, description="Duration of `transfer`.")
+    single_support: Seconds = Field(gt=0, description="Duration of `lift` and `extend` together.")
+    step_length: Metres = Field(ge=0, le=0.08, description="From the footprint to the next one; 0 marches on the spot.")
+    stand: Seconds = Field(gt=0, description="Time to stand before the first step.")
+    knee: Radians = Field(gt=0, lt=2, description="Knee pitch of the standing leg.")
+    zmp: ZmpReference
+    lift: Lift
+    swing: Window = Field(description="When the swing foot moves forward; it must be in the air.")
+    com_height: Metres = Field(gt=0, description="z_CoM of the pendulum.")
+
+    @model_validator(mode="after")
+    def _whole_ticks(self) -> GaitSpec:
+        for name in ("double_support", "single_support", "stand"):
+            ticks = getattr(self, name) / self.control_step
+            if abs(ticks - round(ticks)) > 1e-6:  # noqa: PLR2004 - far below a tick
+                message = f"{name} is {ticks:g} control steps; allowed: a whole number of control steps"
+                raise ValueError(message)
+        return self
+
+    @property
+    def step_ticks(self) -> int:
+        """Ticks of one step: double and single support."""
+        return round((self.double_support + self.single_support) / self.control_step)
+
+
+def load_gait(name_or_path: str | Path) -> GaitSpec:
+    """Read a gait file.
+
+    Args:
+        name_or_path: A path, or the name of a shipped one such as `gait_march`.
+
+    Raises:
+        InputError: It cannot be read; says where and why.
+    """
+    return validate_model(read_yaml(find_data_file(name_or_path, _FOLDER)), GaitSpec)

@@ -1,0 +1,167 @@
+"""B robots in MuJoCo, stepped together: targets in, sensor readings out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from circuitkit.errors import InputError, Problem, UnknownNameError
+from circuitkit.gait import LEG_JOINTS, GaitSpec, Walk, plan_walk
+from circuitkit.robots.dynamics import BodyDynamics, generalised_positions, joint_targets
+from circuitkit.robots.model import RobotModel
+from circuitkit.robots.sensing import Channel, Observer, channels
+from circuitkit.units import Unit, parse_unit
+
+Array = NDArray[np.float64]
+
+
+def plan_robot_walk(robot: RobotModel, gait: GaitSpec, ticks: int) -> tuple[Walk, Array]:
+    """A walk that is right for this robot's whole body, and what to send to its servos.
+
+    A servo of stiffness k that must hold a torque stays behind its target by torque / k. The torques along
+    the walk are known beforehand, so the targets are set ahead by as much: the joints then follow the walk.
+
+    Args:
+        robot: The robot.
+        gait: The walk's numbers.
+        ticks: T.
+
+    Returns:
+        The walk, and the targets of all servos, shape (T, n), [rad].
+
+    Raises:
+        InputError: The gait's control step is no multiple of the model's time step.
+        SimulationError: A leg cannot reach its foot.
+    """
+    substeps = gait.control_step / robot.model.opt.timestep
+    if abs(substeps - round(substeps)) > 1e-6:  # noqa: PLR2004 - far below a step
+        found = f"control_step is {gait.control_step * 1e3:g} ms"
+        message = f"{found}; allowed: a multiple of the model's {robot.model.opt.timestep * 1e3:g} ms"
+        raise InputError(Problem("", 1, 1, f"gait {gait.gait}", message))
+    body = BodyDynamics(robot)
+    walk, torques = plan_walk(gait, robot.spec.legs.geometry(), ticks, body.zmp, body.torques)
+    if torques is None:  # never: `then` was given
+        torques = np.zeros((ticks, len(robot.actuated)))
+    return walk, joint_targets(robot, walk) + torques / robot.stiffness
+
+
+class MujocoRobot:
+    """B robots of one kind that follow walks; a controller adds angles to the walk's joints.
+
+    Attributes:
+        model: What they are.
+        batch: B.
+        readings: Sensor readings after the last `advance`, live; shape (B, s).
+        qpos: Positions after the last `advance`, live; shape (B, nq).
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        walk: Walk,
+        targets: Array,
+        commands: Sequence[str] = (),
+        batch: int = 1,
+        threads: int | None = None,
+    ) -> None:
+        """Set B robots on their feet at the start of the walk.
+
+        Args:
+            model: What they are.
+            walk: Where they start, and the control step.
+            targets: Of all servos: (T, n) for all robots alike, or (T, B, n), [rad].
+            commands: Channels that the columns of `advance`'s commands are.
+            batch: B.
+            threads: Threads that step them; by default as many as there are processors, one for one robot.
+
+        Raises:
+            UnknownNameError: A channel that the robot does not have.
+        """
+        self.model = model
+        self.batch = batch
+        count = min(batch, threads) if threads else (1 if batch == 1 else 0)
+        self._worlds = Batch(model.model, batch, nthread=count)
+        self._substeps = round(walk.gait.control_step / model.model.opt.timestep)
+        self._targets = targets
+        self._mixing = self._command_matrix(commands)
+        self._ctrl = self._worlds.bind("ctrl")
+        self._force = self._worlds.bind("xfrc_applied")
+        self.qpos = self._worlds.bind("qpos")
+        self._qvel = self._worlds.bind("qvel")
+        self.readings = self._worlds.bind("sensordata")
+        self.qpos[:] = generalised_positions(model, walk)[0]
+        self._worlds.forward()
+
+    @cached_property
+    def observations(self) -> dict[str, Channel]:
+        """Channels that a controller may read."""
+        return robot_channels(self.model)
+
+    def observer(self, names: Sequence[str]) -> Observer:
+        """Computes the named channels from `readings`.
+
+        Raises:
+            UnknownNameError: There is no such channel; lists those there are.
+        """
+        return Observer(self.model.layout, self.observations, names)
+
+    def set_base_velocity(self, velocity: Array) -> None:
+        """Velocity of the torso, forward and left; shape (B, 2), [m/s]."""
+        self._qvel[:, :2] = velocity
+
+    def push(self, body: int, force: Array) -> None:
+        """Push a body at its centre of mass from now on; shape (B, 3), [N], world frame."""
+        self._force[:, body, :3] = force
+
+    def advance(self, tick: int, commands: Array) -> None:
+        """Send the targets of a tick plus the commands, and let one control step pass.
+
+        Args:
+            tick: Row of the walk.
+            commands: Shape (B, m), SI units.
+        """
+        self._ctrl[:] = self._targets[tick]
+        for channel, row in enumerate(self._mixing):
+            self._ctrl += commands[:, channel : channel + 1] * row
+        self._worlds.step(nstep=self._substeps)
+
+    def _command_matrix(self, names: Sequence[str]) -> Array:
+        """Weights of each command for all servos; shape (m, n)."""
+        matrix = np.zeros((len(names), len(self.model.actuated)))
+        for row, name in zip(matrix, names, strict=True):
+            if name not in self.model.spec.commands:
+                kind = "command of the robot"
+                raise UnknownNameError(kind, name, self.model.spec.commands)
+            for joint, factor in self.model.spec.commands[name].joints.items():
+                row[self.model.leg_index[LEG_JOINTS.index(joint)]] = factor
+        return matrix
+
+
+def robot_channels(model: RobotModel) -> dict[str, Channel]:
+    """Channels that a controller of this robot may read."""
+    feet = model.spec.feet
+    cells = np.array([*feet.left.cells.values(), *feet.right.cells.values()])
+    return channels(model.layout, cells, model.spec.legs.hip_offset_y)
+
+
+def command_units(model: RobotModel) -> dict[str, Unit]:
+    """Channels that a controller of this robot may write, with their units."""
+    return {name: parse_unit(command.unit) for name, command in model.spec.commands.items()}
+
+
+def body_number(model: RobotModel, name: str) -> int:
+    """Number of a body.
+
+    Raises:
+        UnknownNameError: The robot has no such body; lists those it has.
+    """
+    names = [model.model.body(index).name for index in range(1, model.model.nbody)]
+    if name not in names:
+        kind = "body"
+        raise UnknownNameError(kind, name, names)
+    return int(mujoco.mj_name2id(model.model, mujoco.mjtObj.mjOBJ_BODY, name))

@@ -1,0 +1,43 @@
+"""Field types for models of files: quantities that are read with their unit and kept as SI floats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+from pydantic import BeforeValidator, WithJsonSchema
+
+from circuitkit.source.validation import describe
+from circuitkit.units import parse_quantity, parse_unit
+
+
+def _reader(unit_text: str, example: str) -> Callable[[object], float]:
+    """A validator: number or text to the SI value, if it has the dimension of `unit_text`."""
+    unit = parse_unit(unit_text)
+
+    def read(value: object) -> float:
+        allowed = f"allowed: a quantity such as '{example}'"
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            message = f"found {describe(value)}; {allowed}"
+            raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
+        quantity = parse_quantity(str(value))
+        if quantity.dimension != unit.dimension:
+            message = f"found {describe(value)}, which is {quantity.dimension}; {allowed}"
+            raise ValueError(message)
+        return quantity.value_si
+
+    return read
+
+
+_TEXT = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+
+Metres = Annotated[float, BeforeValidator(_reader("m", "80 mm")), WithJsonSchema(_TEXT)]
+Radians = Annotated[float, BeforeValidator(_reader("rad", "33 deg")), WithJsonSchema(_TEXT)]
+Seconds = Annotated[float, BeforeValidator(_reader("s", "200 ms")), WithJsonSchema(_TEXT)]
+Newtons = Annotated[float, BeforeValidator(_reader("N", "20 N")), WithJsonSchema(_TEXT)]
+MetresPerSecond = Annotated[float, BeforeValidator(_reader("m/s", "2 cm/s")), WithJsonSchema(_TEXT)]
+RadiansPerSecond = Annotated[float, BeforeValidator(_reader("rad/s", "1 deg/s")), WithJsonSchema(_TEXT)]
+NewtonMetres = Annotated[float, BeforeValidator(_reader("N*m", "14.8 N*m")), WithJsonSchema(_TEXT)]
+Stiffness = Annotated[float, BeforeValidator(_reader("N*m/rad", "100 N*m/rad")), WithJsonSchema(_TEXT)]
+Damping = Annotated[float, BeforeValidator(_reader("N*m*s/rad", "3.55 N*m*s/rad")), WithJsonSchema(_TEXT)]
+Ratio = Annotated[float, BeforeValidator(_reader("1", "20 %")), WithJsonSchema(_TEXT)]
