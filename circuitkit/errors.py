@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 _SHOWN_NAMES = 20
+_SHORT_NAME = 2
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,8 @@ class SimulationError(CircuitkitError):
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """`did you mean 'q1'?` for the nearest allowed name, or an empty text if none is near."""
     by_lower_case = {candidate.lower(): candidate for candidate in allowed}
-    near = difflib.get_close_matches(name.lower(), by_lower_case, n=1, cutoff=0.6)
+    cutoff = 0.5 if len(name) <= _SHORT_NAME else 0.6  # of two letters, one may be wrong
+    near = difflib.get_close_matches(name.lower(), by_lower_case, n=1, cutoff=cutoff)
     return f"did you mean '{by_lower_case[near[0]]}'?" if near else ""
 
 

@@ -78,7 +78,7 @@ def outputs(draw: st.DrawFn, names: list[str]) -> dict[str, Any]:
 
 @st.composite
 def circuit_data(draw: st.DrawFn) -> dict[str, Any]:
-    """A valid circuit file as data: random units, models, roles, parameters, recurrent synapses and outputs."""
+    """A valid circuit file as data: random units, models, roles, parameters, synapses and outputs."""
     signals = {f"u{i}": draw(inputs()) for i in range(draw(st.integers(0, 3)))}
     units = {f"n{i}": draw(st.sampled_from(ACTIVATION_UNITS)) for i in range(draw(st.integers(1, 6)))}
     cells = {name: draw(neurons(unit)) for name, unit in units.items()}

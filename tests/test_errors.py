@@ -58,7 +58,12 @@ def test_errors_survive_pickling(error):
 
 
 def test_exit_codes_tell_wrong_input_from_a_failed_run():
-    assert {InputError.exit_code, UnknownNameError.exit_code, UnitError.exit_code, ExpressionError.exit_code} == {1}
+    assert {
+        InputError.exit_code,
+        UnknownNameError.exit_code,
+        UnitError.exit_code,
+        ExpressionError.exit_code,
+    } == {1}
     assert {CircuitkitError.exit_code, SimulationError.exit_code, MissingDependencyError.exit_code} == {3}
 
 
@@ -84,7 +89,14 @@ def test_the_nearest_name_is_suggested(name, hint):
 
 @pytest.mark.parametrize(
     ("names", "text"),
-    [((), "nothing"), (("a", "b"), "a, b"), (tuple("abcdefghijklmnopqrstuvw"), "a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t and 3 more")],
+    [
+        ((), "nothing"),
+        (("a", "b"), "a, b"),
+        (
+            tuple("abcdefghijklmnopqrstuvw"),
+            "a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t and 3 more",
+        ),
+    ],
 )
 def test_long_lists_of_names_are_cut(names, text):
     assert listing(names) == text

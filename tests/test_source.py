@@ -1,5 +1,7 @@
 """The strict YAML reader: traps refused or mended, every complaint with its place, and data that reads back."""
 
+# ruff: noqa: E501 - messages stand here as they stand on the screen
+
 from __future__ import annotations
 
 import time
@@ -90,7 +92,12 @@ def test_what_is_refused_is_named_with_its_place(text, message):
 
 
 def test_all_problems_of_a_text_are_listed():
-    assert [line.split(":")[1] for line in complaints("a: 010\nb: .inf\nb: 2\nc: !x 1\n")] == ["1", "2", "3", "4"]
+    assert [line.split(":")[1] for line in complaints("a: 010\nb: .inf\nb: 2\nc: !x 1\n")] == [
+        "1",
+        "2",
+        "3",
+        "4",
+    ]
 
 
 def test_a_broken_text_still_gives_its_data():
@@ -107,7 +114,9 @@ def test_deep_nesting_does_not_crash(text):
 
 def test_aliases_cannot_explode():
     """Nine levels of ten aliases: a thousand million values from 600 characters."""
-    levels = [f"{c}: &{c} [{', '.join([f'*{p}'] * 10)}]\n" for p, c in zip("abcdefgh", "bcdefghi", strict=True)]
+    levels = [
+        f"{c}: &{c} [{', '.join([f'*{p}'] * 10)}]\n" for p, c in zip("abcdefgh", "bcdefghi", strict=True)
+    ]
     start = time.perf_counter()
     found = complaints(f"a: &a [{', '.join('x' * 10)}]\n{''.join(levels)}")
     assert time.perf_counter() - start < 1
@@ -163,15 +172,24 @@ class File(FileModel):
     on: bool = False
     mode: Literal["ordered", "printed"] = "ordered"
     pair: tuple[float, float] = (0, 1)
-    pushes: dict[str, Push] = {}
+    pushes: dict[str, Push] = Field(default_factory=dict)
     either: tuple[Push | str, ...] = ()
     source: str = Field(alias="from", default="")
 
 
 def test_models_take_lists_for_tuples_and_whole_numbers_for_numbers():
-    file = validate_model(parse_yaml("name: no\ncount: 3\npair: [1, 2.5e-3]\nfrom: off\neither: [a, {kind: push, force: 2}]"), File)
+    file = validate_model(
+        parse_yaml("name: no\ncount: 3\npair: [1, 2.5e-3]\nfrom: off\neither: [a, {kind: push, force: 2}]"),
+        File,
+    )
     assert file == File.model_validate(
-        {"name": "no", "count": 3, "pair": (1, 0.0025), "from": "off", "either": ("a", Push(kind="push", force=2.0))}
+        {
+            "name": "no",
+            "count": 3,
+            "pair": (1, 0.0025),
+            "from": "off",
+            "either": ("a", Push(kind="push", force=2.0)),
+        }
     )
 
 
@@ -226,11 +244,43 @@ def test_models_complain_about_everything_at_once_in_the_order_of_the_file():
 
 
 texts = st.text(st.characters(exclude_categories=("Cs",)), max_size=20) | st.sampled_from(
-    ["010", "1e-3", "yes", "no", "null", "~", "<<", "1:30", ".inf", "-80 mm", "- a", "#c", "a: b", "", "'", '"', "[", "*a", "&a", "!x", "%", "\x85", "\n"]
+    [
+        "010",
+        "1e-3",
+        "yes",
+        "no",
+        "null",
+        "~",
+        "<<",
+        "1:30",
+        ".inf",
+        "-80 mm",
+        "- a",
+        "#c",
+        "a: b",
+        "",
+        "'",
+        '"',
+        "[",
+        "*a",
+        "&a",
+        "!x",
+        "%",
+        "\x85",
+        "\n",
+    ]
 )
-leaves = st.none() | st.booleans() | st.integers(-(10**18), 10**18) | st.floats(allow_nan=False, allow_infinity=False) | texts
+leaves = (
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**18), 10**18)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | texts
+)
 keys = texts.filter(bool)
-data = st.recursive(leaves, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(keys, inner, max_size=4))
+data = st.recursive(
+    leaves, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(keys, inner, max_size=4)
+)
 
 
 @given(data)

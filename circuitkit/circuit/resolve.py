@@ -129,7 +129,7 @@ def _written_parameters(scope: Scope, item: Item[NeuronSpec], model: NeuronModel
     for key in item.spec.values:
         if key not in model.parameter_names:
             message = f"unknown key '{key}' for the model {model.name}; allowed: {listing(allowed)}"
-            hint = suggest(key, allowed) or ("" if item.spec.values[key] is not None else STRAY_TEXT)
+            hint = STRAY_TEXT if item.spec.values[key] is None else suggest(key, allowed)
             scope.errors.append(item.problem((key,), message, hint, at_key=True))
     for parameter in model.parameters:
         if parameter.default is None and parameter.name not in item.spec.values:
@@ -160,8 +160,7 @@ def _check_unit(
     """Complain about a parameter that does not fit the unit of the neuron's activation."""
     power = {"activation": 1, "1/activation": -1, "1": 0}[parameter.unit_rule]
     wanted = unit if power == 1 else Dimension(*(power * e for e in unit.dimension)).si_unit
-    reason = f"the activation is in {unit}" if any(unit.dimension) else "the activation is dimensionless"
-    scope.fits(item, (parameter.name,), quantity, wanted, reason)
+    scope.fits(item, (parameter.name,), quantity, wanted, f"the activation is {_in(unit)}")
 
 
 def _check_order(
@@ -219,7 +218,7 @@ def _weighted(
     source_unit = source.unit if isinstance(source, InputNode) else DIMENSIONLESS
     for target in targets:
         unit = target.activation_unit
-        reason = f"the activation of {target.name} is in {unit} and {source.name} in {source_unit}"
+        reason = f"the activation of {target.name} is {_in(unit)} and {source.name} is {_in(source_unit)}"
         if not scope.fits(item, ("weight",), weight, _quotient(unit, source_unit), reason):
             return
     kind: SynapseKind = "sensorial" if isinstance(source, InputNode) else source.role
@@ -233,6 +232,10 @@ def _weighted(
         scope.errors.append(item.problem(("weight",), message))
     for target in targets:
         yield Synapse(source.name, target.name, weight.value_si, kind, item.origin)
+
+
+def _in(unit: Unit) -> str:
+    return f"in {unit}" if any(unit.dimension) else "dimensionless"
 
 
 def _quotient(above: Unit, below: Unit) -> Unit:
@@ -260,7 +263,7 @@ def _readout(
         if neuron not in neurons and neuron not in scope.neurons and not scope.is_lost(neuron):
             message, hint = scope.unknown("neuron", neuron, "a neuron", tuple(scope.neurons))
             scope.errors.append(item.problem(("readout", neuron), message, hint, at_key=True))
-        weight = scope.value(item, ("readout", neuron), value, unit, f"the output is in {unit}")
+        weight = scope.value(item, ("readout", neuron), value, unit, f"the output is {_in(unit)}")
         if weight is not None:
             if weight.value_si == 0:
                 message = f"found a weight of 0; {neuron} has no effect on the output"

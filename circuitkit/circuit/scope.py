@@ -169,7 +169,7 @@ class Scope:
         self, item: Item[SpecT], key: str, values: tuple[float | str, float | str], unit: Unit
     ) -> tuple[Quantity, Quantity] | None:
         """Two values of which the second must be larger, or None after complaining."""
-        reason = f"the {item.place[0][:-1]} is in {unit}" if isinstance(item.place[0], str) else ""
+        reason = f"the unit is {unit}"
         low, high = (self.value(item, (key, i), value, unit, reason) for i, value in enumerate(values))
         if low is None or high is None:
             return None
@@ -190,7 +190,10 @@ class Scope:
                 self.errors.append(item.problem(inner, message))
                 return None
             self._in_progress.append(name)
-            quantity = self.value(item, inner, self.overrides.get(name, item.spec.value))
+            quantity = self.value(item, inner, item.spec.value)
+            if quantity is not None and name in self.overrides:
+                reason = f"the file has {quantity}"
+                quantity = self.value(item, inner, self.overrides[name], quantity.unit, reason)
             self._in_progress.pop()
             self._values[name] = quantity
         return self._values[name]

@@ -128,7 +128,7 @@ def _finding(
         message = f"missing key '{name}'; required: {listing(required)}"
         return Finding((*at, *place), kind, document.problem((*at, *place[:-1]), message, at_key=True))
     if kind == "extra_forbidden":
-        hint = suggest(name, keys) or ("" if detail["input"] is not None else STRAY_TEXT)
+        hint = STRAY_TEXT if detail["input"] is None else suggest(name, keys)
         message = f"unknown key '{name}'; allowed: {listing(sorted(keys))}"
         return Finding((*at, *place), kind, document.problem((*at, *place), message, hint, at_key=True))
     message, hint = _found_and_allowed(group)
