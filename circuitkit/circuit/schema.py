@@ -39,10 +39,12 @@ def circuit_schema() -> dict[str, Any]:
 
 
 def _simplify(node: Any) -> None:  # noqa: ANN401 - any JSON
-    """Remove pydantic's titles, which repeat the keys, and write pairs, whose items are alike, in draft 7."""
+    """Remove pydantic's titles, which repeat the keys; refuse odd names; write pairs in draft 7."""
     if isinstance(node, dict):
         if isinstance(node.get("title"), str):
             del node["title"]
+        if "patternProperties" in node:
+            node["additionalProperties"] = False
         if "prefixItems" in node:
             node["items"] = node.pop("prefixItems")[0]
         for value in node.values():

@@ -1,0 +1,134 @@
+"""Expressions: what they compute, against Python's own arithmetic; and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from circuitkit.circuit.expression import (
+    FUNCTION_ARITY,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Unary,
+    parse_expression,
+)
+from circuitkit.errors import ExpressionError
+
+NAMES = ("A", "slope", "shift")
+
+
+def value(text: str, **values: float) -> float:
+    return parse_expression(text, tuple(values)).evaluate(values)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1 + 2 * 3", 7.0),
+        ("(1 + 2) * 3", 9.0),
+        ("2 ^ 3 ^ 2", 512.0),
+        ("2 ** 3", 8.0),
+        ("-2 ^ 2", -4.0),
+        ("3 * 2 ^ 2", 12.0),
+        ("1 - 2 - 3", -4.0),
+        ("8 / 4 / 2", 1.0),
+        ("+5", 5.0),
+        ("1e-3", 0.001),
+        ("exp(1)", math.e),
+        ("log(exp(2))", 2.0),
+        ("sqrt(16)", 4.0),
+        ("abs(-3)", 3.0),
+        ("min(2, 3) + max(2, 3)", 5.0),
+        ("tanh(0.5)", math.tanh(0.5)),
+        ("sin(1) ^ 2 + cos(1) ^ 2", 1.0),
+        ("sigmoid(0)", 0.5),
+        ("sigmoid(log(3))", 0.75),
+        ("heaviside(-1) + heaviside(0) + heaviside(1)", 2.0),
+    ],
+)
+def test_expressions_have_their_value(text, expected):
+    assert value(text) == pytest.approx(expected, rel=1e-15)
+
+
+@given(st.floats(-1e300, 1e300))
+def test_the_sigmoid_never_overflows_and_is_symmetric(x):
+    high, low = value("sigmoid(x)", x=x), value("sigmoid(-x)", x=x)
+    assert 0 <= low <= 1
+    assert high + low == pytest.approx(1, abs=1e-15)
+
+
+def test_the_tree_has_the_shape_of_the_text():
+    tree = parse_expression("sigmoid(slope * (A - -1))", NAMES)
+    difference = Binary("-", Name("A"), Unary("-", Number(1.0)))
+    assert tree == Call("sigmoid", (Binary("*", Name("slope"), difference),))
+    assert tree.names() == {"slope", "A"}
+
+
+expressions = st.recursive(
+    st.floats(0, 1e6).map(Number) | st.sampled_from(NAMES).map(Name),
+    lambda inner: (
+        st.builds(Unary, st.sampled_from("+-"), inner)
+        | st.builds(Binary, st.sampled_from(["+", "-", "*", "/", "**"]), inner, inner)
+        | st.sampled_from(sorted(FUNCTION_ARITY)).flatmap(
+            lambda name: st.tuples(*[inner] * FUNCTION_ARITY[name]).map(
+                lambda arguments: Call(name, arguments)
+            )
+        )
+    ),
+    max_leaves=8,
+)
+
+
+@given(expressions)
+def test_the_text_of_an_expression_parses_to_the_same_expression(tree: Expression):
+    assert parse_expression(str(tree), NAMES) == tree
+
+
+FUNCTIONS = "abs, cos, exp, heaviside, log, max, min, sigmoid, sin, sqrt, tanh"
+ALLOWED = "numbers, names, + - * / ^ and functions"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("B + 1", "unknown name 'B'; allowed: A, shift, slope"),
+        ("slop * A", "unknown name 'slop'; allowed: A, shift, slope; did you mean 'slope'?"),
+        ("sigmoyd(A)", f"unknown function 'sigmoyd'; allowed: {FUNCTIONS}; did you mean 'sigmoid'?"),
+        ("min(A)", "found min with 1 arguments; allowed: 2"),
+        ("__import__('os')", f"unknown function '__import__'; allowed: {FUNCTIONS}"),
+        ("A.real", f"found 'A.real'; allowed: {ALLOWED}"),
+        ("A[0]", f"found 'A[0]'; allowed: {ALLOWED}"),
+        ("A if A else 1", f"found 'A if A else 1'; allowed: {ALLOWED}"),
+        ("A < 1", f"found 'A < 1'; allowed: {ALLOWED}"),
+        ("lambda: 1", f"found 'lambda: 1'; allowed: {ALLOWED}"),
+        ("max(*A)", "found max with 1 arguments; allowed: 2"),
+        ("exp(x=1)", f"found 'exp(x=1)'; allowed: {ALLOWED}"),
+        ("'text'", f"found ''text''; allowed: {ALLOWED}"),
+        ("1j", f"found '1j'; allowed: {ALLOWED}"),
+        ("True", f"found 'True'; allowed: {ALLOWED}"),
+        ("A +", f"cannot read the expression 'A +'; allowed: {ALLOWED}"),
+        ("", f"cannot read the expression ''; allowed: {ALLOWED}"),
+        ("1e999", "found a number that is too large; allowed: finite numbers"),
+        ("1" * 1001, "found an expression of 1001 characters; allowed: 1000"),
+        ("-" * 60 + "A", "found an expression nested more than 50 deep; allowed: up to 50"),
+    ],
+)  # fmt: skip
+def test_what_is_no_expression_is_refused(text, message):
+    with pytest.raises(ExpressionError) as caught:
+        parse_expression(text, NAMES)
+    assert str(caught.value) == message
+
+
+@given(st.text(max_size=20))
+def test_any_text_is_an_expression_or_refused(text):
+    try:
+        tree = parse_expression(text, NAMES)
+    except ExpressionError:
+        return
+    assert isinstance(tree, Expression)

@@ -1,0 +1,149 @@
+"""The JSON Schema: every key described, what is valid accepted, what an editor should underline refused."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import pytest
+import strategies
+from hypothesis import given, settings
+
+from circuitkit.circuit import circuit_schema
+from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.circuit.spec import CircuitSpec
+from circuitkit.source import data_folder, read_yaml, shipped_names
+
+SCHEMA = circuit_schema()
+TYPES = {"object": dict, "array": list, "string": str, "null": type(None)}
+
+
+def accepts(data: Any, schema: Any) -> bool:
+    """Whether data fits a JSON Schema, for the keywords that ours uses; an unknown keyword is a failure."""
+    return all(_KEYWORDS[keyword](data, value, schema) for keyword, value in schema.items())
+
+
+def _resolve(data: Any, reference: str, _: Any) -> bool:
+    return accepts(data, SCHEMA["$defs"][reference.removeprefix("#/$defs/")])
+
+
+def _type(data: Any, name: str, _: Any) -> bool:
+    if name == "number":
+        return isinstance(data, int | float) and not isinstance(data, bool)
+    return isinstance(data, TYPES[name])
+
+
+def _properties(data: Any, properties: Any, _: Any) -> bool:
+    return all(accepts(data[key], value) for key, value in properties.items() if key in data)
+
+
+def _additional(data: Any, value: Any, schema: Any) -> bool:
+    patterns = schema.get("patternProperties", {})
+    rest = [
+        key
+        for key in data
+        if key not in schema.get("properties", {}) and not any(re.search(p, key) for p in patterns)
+    ]
+    return not rest if value is False else all(accepts(data[key], value) for key in rest)
+
+
+def _if(data: Any, condition: Any, schema: Any) -> bool:
+    return not accepts(data, condition) or accepts(data, schema["then"])
+
+
+def _patterns(data: Any, patterns: Any, _: Any) -> bool:
+    return all(
+        accepts(data[key], value) for p, value in patterns.items() for key in data if re.search(p, key)
+    )
+
+
+_KEYWORDS: dict[str, Any] = {
+    **dict.fromkeys(["$schema", "$defs", "title", "description", "default", "then"], lambda *_: True),
+    "$ref": _resolve,
+    "type": _type,
+    "enum": lambda data, values, _: data in values,
+    "const": lambda data, value, _: data == value,
+    "pattern": lambda data, pattern, _: re.search(pattern, data) is not None,
+    "properties": _properties,
+    "patternProperties": _patterns,
+    "additionalProperties": _additional,
+    "propertyNames": lambda data, value, _: all(accepts(key, value) for key in data),
+    "required": lambda data, keys, _: all(key in data for key in keys),
+    "items": lambda data, value, _: all(accepts(each, value) for each in data),
+    "anyOf": lambda data, branches, _: any(accepts(data, branch) for branch in branches),
+    "allOf": lambda data, branches, _: all(accepts(data, branch) for branch in branches),
+    "if": _if,
+    "minItems": lambda data, number, _: len(data) >= number,
+    "maxItems": lambda data, number, _: len(data) <= number,
+    "minProperties": lambda data, number, _: len(data) >= number,
+}
+
+
+def test_every_key_is_described():
+    for name, definition in {**SCHEMA["$defs"], "circuit": SCHEMA}.items():
+        mapping = definition["anyOf"][-1] if "anyOf" in definition else definition
+        for key, value in mapping["properties"].items():
+            assert value.get("description"), f"{name}.{key}"
+    branches = SCHEMA["$defs"]["NeuronSpec"]["allOf"]
+    assert len(branches) == len(MODEL_NAMES)
+    for name, branch in zip(MODEL_NAMES, branches, strict=True):
+        assert list(branch["then"]["properties"]) == list(neuron_model(name).parameter_names)
+        assert all(value["description"] for value in branch["then"]["properties"].values())
+
+
+def test_the_keys_are_those_of_the_file():
+    keys = {field.alias or name for name, field in CircuitSpec.model_fields.items()}
+    assert set(SCHEMA["properties"]) == keys
+    assert SCHEMA["required"] == ["circuit", "control_step", "timing"]
+
+
+@pytest.mark.parametrize("name", shipped_names("circuits"))
+def test_shipped_circuits_fit(name):
+    assert accepts(read_yaml(data_folder("circuits") / f"{name}.yaml").data, SCHEMA)
+
+
+@given(strategies.circuit_data())
+@settings(max_examples=40, deadline=None)
+def test_random_circuits_fit(data):
+    assert accepts(json.loads(json.dumps(data)), SCHEMA)
+
+
+NEURON = {"model": "sigmoid", "role": "excitatory", "slope": 1, "shift": "edge"}
+SYNAPSE = {"from": "a", "to": ["b"], "weight": 1}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"timing": "orderd"},
+        {"circuit": "two words"},
+        {"nuerons": {}},
+        {"neurons": {"a": {**NEURON, "model": "sigmoyd"}}},
+        {"neurons": {"a": {**NEURON, "low": 1}}},
+        {"neurons": {"a": {"model": "sigmoid", "role": "excitatory", "slope": 1}}},
+        {"neurons": {"a": {**NEURON, "shift": [1]}}},
+        {"neurons": {"2a": NEURON}},
+        {"synapses": [{**SYNAPSE, "to": []}]},
+        {"synapses": [{**SYNAPSE, "wieght": 1}]},
+        {"inputs": {"u": {"unit": "mm", "range": [1]}}},
+        {"outputs": {"y": {"unit": "mm", "readout": {}}}},
+        {"parameters": {"w": {"valu": 1}}},
+    ],
+)
+def test_what_is_wrong_is_underlined(change):
+    good = {
+        "circuit": "a",
+        "control_step": "1 ms",
+        "timing": "ordered",
+        "neurons": {"a": NEURON},
+        "synapses": [SYNAPSE],
+    }
+    assert accepts(good, SCHEMA)
+    assert not accepts({**good, **change}, SCHEMA)
+
+
+def test_the_shipped_schema_is_the_present_one():
+    """Circuits name it in their first line; `circuitkit schema -o circuits/circuit.schema.json` renews it."""
+    text = (data_folder("circuits") / "circuit.schema.json").read_text(encoding="utf-8")
+    assert json.loads(text) == SCHEMA
