@@ -113,6 +113,10 @@ class Stepper:
         self._advance()
         return self.readout
 
+    def store_output(self, output: FloatArray) -> None:
+        """Write the neurons' outputs after the last tick into an array of shape (B, n_neurons)."""
+        self._kernel.store_output(output)
+
     @property
     def state(self) -> State:
         """A copy of the state; assign one to go on from it."""

@@ -120,10 +120,23 @@ class RobotSpec(FileModel):
             message = f"joints: unknown '{unknown[0]}'; allowed: {listing(LEG_JOINTS)}"
             raise ValueError(message)
         if self.servo_profile not in self.servo_profiles:
-            hint = suggest(self.servo_profile, self.servo_profiles)
-            message = f"unknown servo_profile '{self.servo_profile}'; allowed: {listing(self.servo_profiles)}; {hint}"
-            raise ValueError(message)
+            raise ValueError(str(self._unknown_profile(self.servo_profile)))
         return self
+
+    def with_servos(self, profile: str | None) -> RobotSpec:
+        """The same robot with another servo profile; with its own if None.
+
+        Raises:
+            UnknownNameError: It has no such profile; lists those it has.
+        """
+        if profile is None:
+            return self
+        if profile not in self.servo_profiles:
+            raise self._unknown_profile(profile)
+        return self.model_copy(update={"servo_profile": profile})
+
+    def _unknown_profile(self, name: str) -> UnknownNameError:
+        return UnknownNameError("servo profile", name, self.servo_profiles)
 
     @property
     def mjcf_path(self) -> Path:

@@ -67,6 +67,10 @@ class NumpyKernel:
         state.output[...] = self._output.take(self._row_of_neuron, 0).T
         state.readout[...] = self.readout
 
+    def store_output(self, output: FloatArray) -> None:
+        """Write the neurons' outputs into an array of shape (B, n_neurons)."""
+        output[...] = self._output.take(self._row_of_neuron, 0).T
+
 
 def _do_all(operations: Iterable[Operation]) -> None:
     for operation in operations:

@@ -1,0 +1,103 @@
+"""A neural circuit as a controller: its inputs are sensor channels, its outputs are commands, by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from circuitkit.circuit import CircuitGraph
+from circuitkit.control.controller import Array
+from circuitkit.engine import State, compile_circuit
+from circuitkit.errors import InputError, Problem, listing, suggest
+from circuitkit.units import Unit
+
+
+class CircuitController:
+    """Steps a circuit once a control step.
+
+    Where a reading is missing (not a number), that robot's circuit is not stepped: its command stays what it
+    was, and the rest of the batch goes on.
+    """
+
+    name = "circuit"
+
+    def __init__(
+        self, graph: CircuitGraph, observations: Mapping[str, Unit], commands: Mapping[str, Unit], step_s: float
+    ) -> None:
+        """Bind a circuit to a robot.
+
+        Args:
+            graph: The circuit.
+            observations: Channels of the robot that can be read, with their units.
+            commands: Channels of the robot that can be written, with their units.
+            step_s: The control step of the loop.
+
+        Raises:
+            InputError: The robot lacks a channel, its unit is of another dimension, or the control steps differ;
+                lists all that is wrong.
+        """
+        problems = [
+            *_mismatches("input", graph.inputs, observations, "sensor channel"),
+            *_mismatches("output", graph.outputs, commands, "command"),
+        ]
+        if not math.isclose(graph.step_s, step_s, rel_tol=1e-9):
+            message = f"found {graph.step_s * 1e3:g} ms; allowed: the control step of the walk, {step_s * 1e3:g} ms"
+            file = graph.outputs[0].origin.file if graph.outputs else graph.name
+            problems.append(Problem(file, 1, 1, "control_step", message))
+        if problems:
+            raise InputError(*problems)
+        self.graph = graph
+        self.observations = tuple(node.name for node in graph.inputs)
+        self.commands = tuple(node.name for node in graph.outputs)
+        self.trace_names = tuple(neuron.name for neuron in graph.neurons)
+        self._program = compile_circuit(graph)
+        self.reset(1)
+
+    def reset(self, batch: int) -> None:
+        """Start again, with `batch` robots."""
+        self._stepper = self._program.stepper(batch)
+        self._inputs = self._stepper.inputs
+
+    def step(self, observation: Array, trace: Array) -> Array:
+        """Outputs of the circuit, shape (B, m), SI units; its neurons' outputs go to `trace`."""
+        if math.isfinite(float(np.add.reduce(observation, axis=None))):
+            self._inputs[...] = observation
+            readout = self._stepper.step()
+        else:
+            readout = self._step_where_finite(observation)
+        self._stepper.store_output(trace)
+        return readout
+
+    def _step_where_finite(self, observation: Array) -> Array:
+        missing = ~np.isfinite(observation).all(axis=1)
+        before = self._stepper.state
+        self._inputs[...] = np.where(missing[:, None], 0.0, observation)
+        self._stepper.step()
+        after = self._stepper.state
+        self._stepper.state = State(
+            *(
+                np.where(missing[:, None], old, new)
+                for old, new in zip(
+                    (before.activation, before.output, before.readout),
+                    (after.activation, after.output, after.readout),
+                    strict=True,
+                )
+            )
+        )
+        return self._stepper.readout
+
+
+def _mismatches(kind: str, nodes: Iterable[object], channels: Mapping[str, Unit], word: str) -> Iterable[Problem]:
+    """What keeps the inputs or outputs of a circuit from being channels of a robot."""
+    for node in nodes:
+        name, unit, origin = node.name, node.unit, node.origin  # type: ignore[attr-defined]  # either node has them
+        where = f"{kind}s.{name}"
+        place = (origin.file, origin.line, origin.column)
+        if name not in channels:
+            message = f"the robot has no {word} '{name}'; allowed: {listing(channels)}"
+            yield Problem(*place, where, message, suggest(name, channels))
+        elif unit.dimension != channels[name].dimension:
+            message = f"found the unit '{unit}'; allowed: the robot's {word} has '{channels[name]}', or like it"
+            yield Problem(*place, where, message)

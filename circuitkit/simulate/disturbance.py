@@ -1,0 +1,150 @@
+"""Pushes, noise and faults as arrays over ticks and robots, made before the loop starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.errors import InputError, Problem
+from circuitkit.gait import LEFT, PHASES, Walk
+from circuitkit.robots import RobotModel, body_number
+from circuitkit.simulate.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One robot's fate.
+
+    Attributes:
+        seed: Of noise and jitter.
+        pushes: What pushes it.
+    """
+
+    seed: int
+    pushes: tuple[Push, ...]
+
+
+@dataclass(frozen=True)
+class BodyPush:
+    """Forces on one body.
+
+    Attributes:
+        body: Number of the body.
+        first_tick: Tick of the first row.
+        forces: Shape (t, B, 3), [N]; the last row is zero.
+    """
+
+    body: int
+    first_tick: int
+    forces: Array
+
+
+@dataclass(frozen=True)
+class Fates:
+    """What befalls the robots of a batch.
+
+    Attributes:
+        pushes: Forces, a body each.
+        windows_s: Start and end of each robot's first push; shape (B, 2); not a number without a push.
+        base_velocity: At the start, forward and left; shape (B, 2), [m/s].
+        cell_noise: Added to the force cells; shape (T, B, 8), [N]; None without noise.
+    """
+
+    pushes: tuple[BodyPush, ...]
+    windows_s: Array
+    base_velocity: Array
+    cell_noise: Array | None
+
+
+def draw_fates(
+    trials: Sequence[Trial], walk: Walk, robot: RobotModel, jitter: Jitter, noise_n: float
+) -> Fates:
+    """Draw everything random, each robot from its own seed, so that a batch draws what a single robot does.
+
+    Raises:
+        InputError: A push starts in a step that is not there, or on a body that does not exist.
+    """
+    dt = walk.gait.control_step
+    cells = len(robot.layout.cells)
+    windows = np.full((len(trials), 2), np.nan)
+    velocity = np.zeros((len(trials), 2))
+    noise = np.zeros((walk.ticks, len(trials), cells)) if noise_n > 0 else None
+    by_body: dict[int, list[tuple[int, float, float, Array]]] = {}
+    for i, trial in enumerate(trials):
+        rng = np.random.default_rng(trial.seed)
+        shift = rng.uniform(-jitter.push_start, jitter.push_start)
+        velocity[i] = rng.normal(0.0, jitter.base_velocity, 2)
+        if noise is not None:
+            noise[:, i] = rng.normal(0.0, noise_n, (walk.ticks, cells))
+        for number, push in enumerate(trial.pushes):
+            start_s, support = push_start(push, walk, number)
+            start = max(start_s + shift, 0.0)
+            end = start + push.duration
+            by_body.setdefault(body_number(robot, push.body), []).append(
+                (i, start, end, push.force * direction_of(push.direction, support))
+            )
+            if number == 0:
+                windows[i] = start, end
+    pushes = tuple(_body_push(body, entries, len(trials), dt) for body, entries in by_body.items())
+    return Fates(pushes, windows, velocity, noise)
+
+
+def direction_of(name: str, support: int) -> Array:
+    """Unit vector of a direction, world frame; inward and outward depend on the foot that carries."""
+    if name in SIDEWAYS:
+        outward = 1.0 if support == LEFT else -1.0
+        return np.array([0.0, outward if name == "outward" else -outward, 0.0])
+    return np.array(DIRECTIONS[name])
+
+
+def push_start(push: Push, walk: Walk, number: int = 0) -> tuple[float, int]:
+    """When a push starts by the gait, [s], and which foot carries then.
+
+    Raises:
+        InputError: The walk is over before.
+    """
+    schedule, start = walk.schedule, push.start
+    phase = PHASES.index(start.phase)
+    ticks = np.flatnonzero((schedule.step == start.step) & (schedule.phase == phase))
+    if len(ticks) == 0:
+        last = int(schedule.step.max())
+        message = f"step {start.step} has no '{start.phase}' before the end; allowed: steps 0 to {last}, or a longer duration"
+        raise InputError(Problem("", 0, 0, f"pushes[{number}].start", message))
+    dt = walk.gait.control_step
+    return (ticks[0] + start.at * len(ticks)) * dt, int(schedule.support[ticks[0]])
+
+
+def _body_push(body: int, entries: list[tuple[int, float, float, Array]], batch: int, dt: float) -> BodyPush:
+    """Forces of each tick; where a push covers a part of a tick, that part of its force acts for all of it."""
+    first = int(min(start for _, start, _, _ in entries) / dt)
+    last = int(np.ceil(max(end for _, _, end, _ in entries) / dt))
+    begin = (first + np.arange(last - first + 1)) * dt
+    forces = np.zeros((len(begin), batch, 3))
+    for i, start, end, force in entries:
+        share = np.clip(np.minimum(end, begin + dt) - np.maximum(start, begin), 0.0, dt) / dt
+        forces[:, i] += share[:, None] * force
+    return BodyPush(body, first, forces)
+
+
+def fault_values(faults: Sequence[Fault], walk: Walk, robot: RobotModel) -> dict[int, Array]:
+    """For each tick with a fault, what the force cells show: 1 passes through, 0 and not-a-number do not.
+
+    Raises:
+        InputError: There is no such cell.
+    """
+    cells = robot.layout.cells
+    factors: dict[int, Array] = {}
+    for number, fault in enumerate(faults):
+        if fault.cell not in cells:
+            message = f"the robot has no force cell '{fault.cell}'; allowed: {', '.join(cells)}"
+            raise InputError(Problem("", 0, 0, f"faults[{number}].cell", message))
+        dt = walk.gait.control_step
+        for tick in range(round(fault.start / dt), min(round((fault.start + fault.duration) / dt), walk.ticks)):
+            row = factors.setdefault(tick, np.ones(len(cells)))
+            row[cells.index(fault.cell)] = np.nan if fault.reading == "missing" else 0.0
+    return factors

@@ -1,0 +1,186 @@
+"""The closed loop: observe, control, apply, advance; B robots at once, once a control step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.circuit import CircuitGraph
+from circuitkit.control import Controller
+from circuitkit.gait import Walk
+from circuitkit.robots import MujocoRobot, RobotModel
+from circuitkit.simulate.disturbance import Fates, Trial
+from circuitkit.simulate.recording import Recording
+
+Array = NDArray[np.float64]
+
+_LOOK_EVERY = 20  # ticks between two looks at who has fallen
+_AFTER_FALL = 60  # ticks that are still recorded once all have fallen
+_FALLEN_TILT = 0.7  # vertical part of the torso's axis: leans by more than 45 degrees
+_FALLEN_HEIGHT = 0.6  # of the height that the CoM had at first
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything that a run needs, made beforehand.
+
+    Attributes:
+        robot: What walks.
+        walk: The walk.
+        targets: Of its servos; shape (T, n).
+        controller: What adds to the walk.
+        circuit: The circuit whose thresholds count.
+        trials: B robots' fates.
+        fates: The same as arrays.
+        cell_factors: For ticks with a fault, what force cells let through.
+    """
+
+    robot: RobotModel
+    walk: Walk
+    targets: Array
+    controller: Controller
+    circuit: CircuitGraph
+    trials: tuple[Trial, ...]
+    fates: Fates
+    cell_factors: dict[int, Array]
+
+
+def has_fallen(readings: Array, robot: RobotModel, first: Array) -> NDArray[np.bool_]:
+    """Who lies, or leans by more than 45 degrees; shape (..., B).
+
+    Args:
+        readings: Sensor readings; shape (..., B, s).
+        robot: What they are.
+        first: Readings at the start; shape (B, s).
+    """
+    layout = robot.layout
+    upright = readings[..., layout.torso_up.start + 2]
+    height = readings[..., layout.com.start + 2]
+    fallen: NDArray[np.bool_] = (upright < _FALLEN_TILT) | (
+        height < _FALLEN_HEIGHT * first[..., layout.com.start + 2]
+    )
+    return fallen
+
+
+class _Recorder:
+    """Arrays that take one row a tick; or only seem to, and keep the last one, for runs by the thousand."""
+
+    def __init__(self, ticks: int, robot: MujocoRobot, controller: Controller, *, keep: bool) -> None:
+        def rows(*shape: int) -> Array:
+            if keep:
+                return np.empty((ticks, *shape))
+            last = np.empty(shape)
+            return np.lib.stride_tricks.as_strided(last, (ticks, *shape), (0, *last.strides))
+
+        batch = robot.batch
+        self.readings = rows(*robot.readings.shape)
+        self.qpos = rows(*robot.qpos.shape)
+        self.observations = rows(batch, len(controller.observations))
+        self.commands = rows(batch, len(controller.commands))
+        self.trace = rows(batch, len(controller.trace_names))
+        self.fallen_tick = np.full(batch, -1)
+
+
+def run_loop(setup: Setup, progress: Callable[[int], object] | None = None, threads: int | None = None) -> Recording:
+    """Walk all robots to the end, or until all have fallen, or until Ctrl-C, and record everything.
+
+    Args:
+        setup: What runs.
+        progress: Is told the number of ticks that are done.
+        threads: For the physics; by default all processors, one for one robot.
+
+    Returns:
+        What was recorded; after Ctrl-C, as far as it got.
+    """
+    controller = setup.controller
+    robot, record = _start(setup, threads, keep=True)
+    done, interrupted = 0, False
+    try:
+        for done in _ticks(setup, robot, record):
+            if progress is not None and done % _LOOK_EVERY == 0:
+                progress(done)
+    except KeyboardInterrupt:
+        interrupted = True
+    return Recording(
+        setup.walk, setup.robot, setup.trials, setup.fates, controller.name, setup.circuit,
+        record.readings[:done], record.qpos[:done], record.observations[:done],
+        record.commands[:done], record.trace[:done],
+        controller.observations, controller.commands, controller.trace_names, interrupted,
+    )  # fmt: skip
+
+
+def run_to_see_who_stands(
+    setup: Setup, progress: Callable[[int], object] | None = None, threads: int | None = None
+) -> NDArray[np.bool_]:
+    """The same without a recording: which of the B robots stand at the end; shape (B,)."""
+    robot, record = _start(setup, threads, keep=False)
+    for done in _ticks(setup, robot, record):
+        if progress is not None and done % _LOOK_EVERY == 0:
+            progress(done)
+    standing: NDArray[np.bool_] = record.fallen_tick < 0
+    return standing
+
+
+def _start(setup: Setup, threads: int | None, *, keep: bool) -> tuple[MujocoRobot, _Recorder]:
+    robot = MujocoRobot(
+        setup.robot, setup.walk, setup.targets, setup.controller.commands, len(setup.trials), threads
+    )
+    robot.set_base_velocity(setup.fates.base_velocity)
+    setup.controller.reset(robot.batch)
+    return robot, _Recorder(setup.walk.ticks, robot, setup.controller, keep=keep)
+
+
+def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]:
+    """Do one tick after the other; yields how many are done."""
+    observe = robot.observer(setup.controller.observations)
+    sense = _Senses(setup, robot)
+    control, advance = setup.controller.step, robot.advance
+    readings, qpos = robot.readings, robot.qpos
+    first = readings.copy()
+    reads = bool(setup.controller.observations)
+    last = setup.walk.ticks - 1
+    pushes = setup.fates.pushes
+    for tick in range(setup.walk.ticks):
+        if reads:
+            record.observations[tick] = observe(sense(tick))
+        record.commands[tick] = commands = control(record.observations[tick], record.trace[tick])
+        for push in pushes:
+            if 0 <= tick - push.first_tick < len(push.forces):
+                robot.push(push.body, push.forces[tick - push.first_tick])
+        advance(tick, commands)
+        record.readings[tick] = readings
+        record.qpos[tick] = qpos
+        yield tick + 1
+        if tick % _LOOK_EVERY == 0 or tick == last:
+            fallen = has_fallen(readings, setup.robot, first)
+            record.fallen_tick[fallen & (record.fallen_tick < 0)] = tick
+            if (record.fallen_tick >= 0).all():
+                last = min(last, int(record.fallen_tick.max()) + _AFTER_FALL)
+        if tick >= last:
+            return
+
+
+class _Senses:
+    """Sensor readings as the controller gets them: with noise and faults, within the cells' range."""
+
+    def __init__(self, setup: Setup, robot: MujocoRobot) -> None:
+        self._true = robot.readings
+        self._noisy = robot.readings.copy()
+        self._cells = self._noisy[:, setup.robot.layout.forces]
+        self._noise = setup.fates.cell_noise
+        self._factors = setup.cell_factors
+        self._low, self._high = setup.robot.spec.force_cells.range
+
+    def __call__(self, tick: int) -> Array:
+        """Readings at the start of a tick; shape (B, s)."""
+        self._noisy[...] = self._true
+        if self._noise is not None:
+            self._cells += self._noise[tick]
+        np.maximum(self._cells, self._low, self._cells)
+        np.minimum(self._cells, self._high, self._cells)
+        if tick in self._factors:
+            self._cells *= self._factors[tick]
+        return self._noisy

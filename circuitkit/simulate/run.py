@@ -1,0 +1,251 @@
+"""`simulate` and `compare`: a scenario in, recordings, pictures and verdicts out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from circuitkit.circuit import CircuitGraph, load_circuit, resolve
+from circuitkit.control import CircuitController, Controller, OpenLoop
+from circuitkit.errors import UnknownNameError
+from circuitkit.gait import Walk, load_gait
+from circuitkit.robots import (
+    RobotModel,
+    build_model,
+    command_units,
+    load_robot,
+    plan_robot_walk,
+    robot_channels,
+)
+from circuitkit.simulate.disturbance import Trial, draw_fates, fault_values
+from circuitkit.simulate.loop import Setup, run_loop
+from circuitkit.simulate.recording import Recording
+from circuitkit.simulate.scenario import Push, Scenario, load_scenario, parse_push
+from circuitkit.simulate.verdict import Verdict, judge, threshold_lines
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What all runs of a scenario share: the robot, its walk and the circuit.
+
+    Attributes:
+        scenario: The scenario.
+        robot: The robot.
+        walk: The walk.
+        targets: What its servos are sent; shape (T, n).
+        circuit: The circuit.
+    """
+
+    scenario: Scenario
+    robot: RobotModel
+    walk: Walk
+    targets: Any
+    circuit: CircuitGraph
+
+    def controller(self, name: str) -> Controller:
+        """A controller by its name.
+
+        Raises:
+            UnknownNameError: There is none of this name.
+            InputError: The circuit does not fit the robot.
+        """
+        if name not in CONTROLLERS:
+            kind = "controller"
+            raise UnknownNameError(kind, name, CONTROLLERS)
+        return CONTROLLERS[name](self)
+
+    def setup(self, controller: str, trials: Sequence[Trial]) -> Setup:
+        """A run of several robots under one controller.
+
+        Raises:
+            InputError: A push or a fault names what is not there.
+        """
+        scenario = self.scenario
+        return Setup(
+            robot=self.robot,
+            walk=self.walk,
+            targets=self.targets,
+            controller=self.controller(controller),
+            circuit=self.circuit,
+            trials=tuple(trials),
+            fates=draw_fates(trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise.force_cells),
+            cell_factors=fault_values(scenario.faults, self.walk, self.robot),
+        )
+
+
+def _circuit_controller(plan: Plan) -> Controller:
+    observations = {name: channel.unit for name, channel in robot_channels(plan.robot).items()}
+    step_s = plan.walk.gait.control_step
+    return CircuitController(plan.circuit, observations, command_units(plan.robot), step_s)
+
+
+CONTROLLERS: dict[str, Callable[[Plan], Controller]] = {
+    "open_loop": lambda _: OpenLoop(),
+    "circuit": _circuit_controller,
+}
+
+
+@dataclass(frozen=True)
+class Result:
+    """One run.
+
+    Attributes:
+        scenario: The scenario.
+        push: Its first push, if any.
+        recording: Every tick.
+        verdict: What became of the robot.
+        path: Where the recording was written; None if nowhere.
+    """
+
+    scenario: Scenario
+    push: Push | None
+    recording: Recording
+    verdict: Verdict
+    path: Path | None
+
+    def row(self) -> dict[str, Any]:
+        """The result for a table or for JSON."""
+        push = self.push
+        return {
+            "scenario": self.scenario.scenario,
+            "controller": self.recording.controller,
+            "seed": self.recording.trials[0].seed,
+            "push": push
+            and {"force_n": push.force, "duration_s": push.duration, "direction": push.direction},
+            "survived": self.verdict.survived,
+            "time_of_fall_s": self.verdict.time_of_fall_s,
+            "max_zmp_excursion_m": self.verdict.max_zmp_excursion_m,
+            "recovery_time_s": self.verdict.recovery_time_s,
+            "interrupted": self.recording.interrupted,
+            "recording": None if self.path is None else str(self.path),
+        }
+
+
+def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
+    """Load what a scenario names and plan its walk.
+
+    Args:
+        scenario: The scenario.
+        circuit: A circuit to use instead of the scenario's.
+
+    Raises:
+        InputError: A file is wrong or missing.
+    """
+    gait = load_gait(scenario.file(scenario.gait))
+    spec = load_robot(scenario.file(scenario.robot))
+    graph = resolve(load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit))
+    threshold_lines(graph, scenario.thresholds)
+    robot = build_model(spec.with_servos(scenario.servo_profile))
+    walk, targets = plan_robot_walk(robot, gait, round(scenario.duration / gait.control_step))
+    return Plan(scenario, robot, walk, targets, graph)
+
+
+def simulate(
+    scenario: Scenario | str | Path,
+    *,
+    controller: str | None = None,
+    circuit: str | Path | None = None,
+    push: str | None = None,
+    seed: int | None = None,
+    output: str | Path | None = None,
+    video: bool = False,
+    view: bool = False,
+    progress: bool = False,
+) -> Result:
+    """Run a robot in closed loop with a controller.
+
+    Args:
+        scenario: A scenario, its path, or the name of a shipped one.
+        controller: `open_loop` or `circuit`; the scenario's own by default.
+        circuit: A circuit to use instead of the scenario's.
+        push: `20N,200ms,inward` instead of the scenario's pushes; starts where the first of them does.
+        seed: Of the noise and of the push's jitter; the scenario's by default.
+        output: Folder for the recording and the pictures.
+        video: Also film the robot.
+        view: Watch in a window.
+        progress: Show a bar on a terminal.
+
+    Raises:
+        InputError: A file is wrong, or names what is not there.
+        OutputError: A file cannot be written.
+    """
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    name = controller or ("circuit" if circuit is not None else loaded.controller)
+    return _run(make_plan(loaded, circuit), name, push, seed, output, video=video, view=view, progress=progress)
+
+
+def compare(
+    scenario: Scenario | str | Path,
+    controllers: Sequence[str],
+    *,
+    circuit: str | Path | None = None,
+    push: str | None = None,
+    seed: int | None = None,
+    output: str | Path | None = None,
+    video: bool = False,
+    progress: bool = False,
+) -> list[Result]:
+    """Run the same scenario under several controllers: same robot, walk, push, noise and seed.
+
+    Args:
+        scenario: A scenario, its path, or the name of a shipped one.
+        controllers: Names, such as `open_loop` and `circuit`.
+        circuit: A circuit to use instead of the scenario's.
+        push: `20N,200ms,inward` instead of the scenario's pushes.
+        seed: Of the noise and of the push's jitter.
+        output: Folder; each controller gets one in it.
+        video: Also film the robot.
+        progress: Show a bar on a terminal.
+
+    Raises:
+        InputError: A file is wrong, or names what is not there.
+        OutputError: A file cannot be written.
+    """
+    plan = make_plan(scenario if isinstance(scenario, Scenario) else load_scenario(scenario), circuit)
+    for name in controllers:
+        plan.controller(name)
+    results = []
+    for name in controllers:
+        folder = None if output is None else Path(output) / name
+        results.append(_run(plan, name, push, seed, folder, video=video, view=False, progress=progress))
+        if results[-1].recording.interrupted:
+            break
+    if output is not None:
+        from circuitkit.simulate.pictures import draw_comparison
+
+        draw_comparison(results, Path(output))
+    return results
+
+
+def _run(
+    plan: Plan, controller: str, push: str | None, seed: int | None, output: str | Path | None,
+    *, video: bool, view: bool, progress: bool,
+) -> Result:  # fmt: skip
+    scenario = plan.scenario
+    pushes = scenario.pushes if push is None else (parse_push(push, scenario),)
+    trial = Trial(scenario.seed if seed is None else seed, pushes)
+    setup = plan.setup(controller, [trial])
+    from circuitkit.simulate.watch import progress_bar
+
+    with progress_bar(plan.walk.ticks, controller, shown=progress) as advance:
+        recording = run_loop(setup, advance)
+    verdict = judge(recording, scenario.thresholds)
+    path = None
+    if output is not None:
+        path = recording.save(Path(output))
+    result = Result(scenario, pushes[0] if pushes else None, recording, verdict, path)
+    if output is not None:
+        from circuitkit.simulate.pictures import draw_result
+
+        draw_result(result, Path(output))
+    if video and output is not None:
+        from circuitkit.simulate.video import film
+
+        film(result, Path(output) / "video.mp4", progress=progress)
+    if view:
+        from circuitkit.simulate.watch import watch
+
+        watch(result)
+    return result

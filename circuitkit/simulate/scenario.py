@@ -1,0 +1,174 @@
+"""The scenario file: which robot walks how, under which controller, and what befalls it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+
+from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.source import FileModel, find_data_file, read_yaml, validate_model
+from circuitkit.source.fields import MetresPerSecond, Newtons, Ratio, Seconds
+from circuitkit.units import parse_quantity
+
+_FOLDER = "sims"
+
+# Forward, left, up. Inward is towards the foot in the air, outward away from it.
+DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
+    "forward": (1.0, 0.0, 0.0),
+    "backward": (-1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+}
+SIDEWAYS = ("inward", "outward")
+
+
+def _direction(value: object) -> object:
+    allowed = (*DIRECTIONS, *SIDEWAYS)
+    if value not in allowed:
+        hint = suggest(str(value), allowed)
+        message = f"unknown direction '{value}'; allowed: {listing(allowed)}{'; ' if hint else ''}{hint}"
+        raise ValueError(message)
+    return value
+
+
+class Start(FileModel):
+    """When a push begins: a moment of the gait."""
+
+    step: int = Field(ge=0, description="Number of the step, from 0; the left foot carries the even ones.")
+    phase: Literal["transfer", "lift", "extend"] = Field(description="Movement of that step.")
+    at: Ratio = Field(ge=0, le=1, description="How far into the movement.")
+
+
+class Push(FileModel):
+    """A force on a body."""
+
+    body: str = Field(description="Body of the MJCF; the force acts at its centre of mass.")
+    force: Newtons = Field(ge=0)
+    direction: Annotated[str, BeforeValidator(_direction)] = Field(
+        description="forward, backward, left, right, inward (towards the lifted foot) or outward."
+    )
+    duration: Seconds = Field(gt=0)
+    start: Start
+
+
+class Fault(FileModel):
+    """A force cell that fails for a while."""
+
+    cell: str = Field(description="Name of the force cell.")
+    reading: Literal["missing", "zero"] = Field(description="Not a number, or zero.")
+    start: Seconds = Field(ge=0)
+    duration: Seconds = Field(gt=0)
+
+
+class SensorNoise(FileModel):
+    """Standard deviations of white noise."""
+
+    force_cells: Newtons = Field(default=0.0, ge=0)
+
+
+class Jitter(FileModel):
+    """What differs from seed to seed beside the noise."""
+
+    push_start: Seconds = Field(default=0.0, ge=0, description="Pushes begin up to this much earlier or later.")
+    base_velocity: MetresPerSecond = Field(
+        default=0.0, ge=0, description="Standard deviation of the torso's velocity at first."
+    )
+
+
+class Edges(FileModel):
+    """Neurons that stand at the edges of a support polygon."""
+
+    right: str
+    left: str
+
+
+class Thresholds(FileModel):
+    """Neurons at whose half activation the ZMP counts as having crossed; for the plots and the verdict."""
+
+    channel: str = Field(description="The circuit's input that they compare.")
+    left_foot: Edges
+    right_foot: Edges
+    both_feet: Edges
+
+
+class Scenario(FileModel):
+    """A simulation."""
+
+    scenario: str = Field(description="Name.")
+    description: str = ""
+    robot: str = Field(description="A shipped robot, or the path of a robot.yaml.")
+    servo_profile: str | None = Field(default=None, description="A servo profile of the robot; its own if absent.")
+    gait: str = Field(description="A shipped gait, or the path of a gait file.")
+    controller: str = Field(default="circuit", description="open_loop or circuit.")
+    circuit: str = Field(description="The circuit of the controller named circuit: a shipped one or a path.")
+    duration: Seconds = Field(gt=0, le=3600)
+    pushes: tuple[Push, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    sensor_noise: SensorNoise = SensorNoise()
+    jitter: Jitter = Jitter()
+    seed: int = Field(default=0, ge=0)
+    thresholds: Thresholds
+
+    _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _pushes_end(self) -> Scenario:
+        if late := [fault for fault in self.faults if fault.start >= self.duration]:
+            message = f"the fault of {late[0].cell} starts after the end; allowed: before {self.duration:g} s"
+            raise ValueError(message)
+        return self
+
+    def file(self, name: str) -> str:
+        """A file that the scenario names, from the scenario's own folder if it is a relative path."""
+        path = Path(name)
+        beside = self._folder / path
+        return str(beside) if (path.suffix and not path.is_absolute() and beside.is_file()) else name
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Read a scenario file.
+
+    Args:
+        name_or_path: A path, or the name of a shipped one such as `nao_push`.
+
+    Raises:
+        InputError: It cannot be read; says where and why.
+    """
+    path = find_data_file(name_or_path, _FOLDER)
+    scenario = validate_model(read_yaml(path), Scenario)
+    scenario._folder = path.parent  # noqa: SLF001 - the scenario's own factory
+    return scenario
+
+
+def parse_push(text: str, scenario: Scenario) -> Push:
+    """Read `20N,200ms,inward`; body and start are those of the scenario's first push.
+
+    Raises:
+        InputError: The text cannot be read, or the scenario has no push to take the start from.
+    """
+    parts = [part.strip() for part in text.split(",")]
+    wanted = "FORCE,DURATION,DIRECTION such as 20N,200ms,inward"
+    if len(parts) != 3:  # noqa: PLR2004 - force, duration and direction
+        raise InputError(Problem("", 0, 0, "--push", f"found '{text}'; allowed: {wanted}"))
+    if not scenario.pushes:
+        message = f"the scenario '{scenario.scenario}' has no push to change; allowed: a scenario with a push"
+        raise InputError(Problem("", 0, 0, "--push", message))
+    values = []
+    for part, unit, key in zip(parts[:2], ("N", "s"), ("force", "duration"), strict=True):
+        try:
+            quantity = parse_quantity(part)
+        except UnitError as error:
+            raise InputError(Problem("", 0, 0, f"--push: {key}", str(error))) from error
+        if quantity.dimension.si_symbol != parse_quantity(f"1 {unit}").dimension.si_symbol or quantity.value_si <= 0:
+            message = f"found '{part}'; allowed: more than 0, in a unit like {unit}"
+            raise InputError(Problem("", 0, 0, f"--push: {key}", message))
+        values.append(quantity.value_si)
+    try:
+        direction = str(_direction(parts[2]))
+    except ValueError as error:
+        raise InputError(Problem("", 0, 0, "--push: direction", str(error))) from error
+    change = {"force": values[0], "duration": values[1], "direction": direction}
+    return scenario.pushes[0].model_copy(update=change)
