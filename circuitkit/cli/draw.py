@@ -1,0 +1,56 @@
+"""`circuitkit draw`."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from circuitkit.cli.printing import examples, note
+
+
+class What(Enum):
+    """What to draw."""
+
+    GRAPH = "graph"
+    ACTIVATIONS = "activations"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        epilog=examples(
+            "circuitkit draw binn_lateral -o out.svg",
+            "circuitkit draw my_circuit.yaml -o out.html",
+            "circuitkit draw binn_lateral --what activations -o curves.pdf",
+        )
+    )(draw)
+
+
+def draw(
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="A circuit file, or the name of a shipped circuit.")
+    ],
+    *,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="OUT", help="Ends in .png, .svg, .pdf, .dot or .html."),
+    ],
+    what: Annotated[
+        What, typer.Option("--what", help="The network, or the curve of every neuron.")
+    ] = What.GRAPH,
+) -> None:
+    """Draw a circuit.
+
+    Either the network, or the activation curve of every neuron.
+
+    The suffix of OUT chooses the format. Missing folders of OUT are made.
+    """
+    from circuitkit.circuit import load_circuit, resolve
+    from circuitkit.draw import draw_activations, draw_circuit
+
+    write = {What.GRAPH: draw_circuit, What.ACTIVATIONS: draw_activations}[what]
+    write(resolve(load_circuit(file)), output)
+    note(f"wrote {output}")

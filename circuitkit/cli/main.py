@@ -1,0 +1,95 @@
+"""The way into the command line and out of it: exit codes and messages, for every command."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+DONE = 0
+INPUT_IS_WRONG = 1
+RUN_FAILED = 3
+INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+PIPE_CLOSED = 141  # 128 + SIGPIPE, as shells report it
+
+
+def entry_point() -> None:
+    """Run the command line of this process and exit with its code."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without Greek letters still shows the rest
+    sys.exit(main())
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        arguments: What follows the word `circuitkit`; by default, what this process was called with.
+
+    Returns:
+        The exit code: 0 done, 1 the input is wrong, 2 wrong usage, 3 the run failed, 130 interrupted, 141 the
+        reader of the output has gone.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words  # accepted before and after the name of the command
+    try:
+        code = _run_command([word for word in words if word != "--debug"])
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except BrokenPipeError:
+        code = PIPE_CLOSED
+    except Exception as error:  # the last resort of a command line: no traceback reaches a user
+        code = _report(error, debug)
+    if code == INTERRUPTED:
+        print("interrupted", file=sys.stderr)
+    return _finish_output(code, debug)
+
+
+def _run_command(words: list[str]) -> int:
+    from typer.main import get_command
+
+    from circuitkit.cli.app import app
+
+    try:
+        get_command(app).main(args=words, prog_name="circuitkit")
+    except SystemExit as ending:
+        if isinstance(ending.__context__, BrokenPipeError):
+            return PIPE_CLOSED
+        return ending.code if isinstance(ending.code, int) else DONE
+    return DONE
+
+
+def _report(error: Exception, debug: bool) -> int:
+    """Print an error for a person and return the exit code."""
+    from circuitkit.errors import CircuitkitError
+    from circuitkit.files import reason
+
+    if isinstance(error, CircuitkitError):
+        text = str(error)
+    elif isinstance(error, OSError):
+        text = f"cannot use '{error.filename}': {reason(error)}" if error.filename else reason(error)
+    else:
+        text = f"internal error: {type(error).__name__}: {error}; --debug shows where, please report it"
+    if debug:
+        traceback.print_exception(error)
+    else:
+        print(text, file=sys.stderr)
+    return error.exit_code if isinstance(error, CircuitkitError) else RUN_FAILED
+
+
+def _finish_output(code: int, debug: bool) -> int:
+    """Write what is still buffered, and meet a reader that has gone or a full disk here."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        code = PIPE_CLOSED
+    except OSError as error:
+        code = _report(error, debug)
+    else:
+        return code
+    os.dup2(
+        os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+    )  # or the interpreter complains when it ends
+    return code

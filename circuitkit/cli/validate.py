@@ -1,0 +1,65 @@
+"""`circuitkit validate`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from circuitkit.cli.printing import examples, note, print_json
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        epilog=examples(
+            "circuitkit validate binn_lateral",
+            "circuitkit validate my_circuit.yaml other.yaml",
+            "circuitkit validate binn_lateral --json",
+        )
+    )(validate)
+
+
+def validate(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE...", help="Circuit files, or names of shipped circuits.")
+    ],
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Check circuit files and list all errors at once.
+
+    Warnings do not make a file invalid.
+    """
+    from dataclasses import asdict
+
+    from circuitkit.circuit import check
+
+    findings = {file: check(file) for file in files}
+    errors = [problem for found, _ in findings.values() for problem in found]
+    if as_json:
+        warnings = [problem for _, found in findings.values() for problem in found]
+        print_json(
+            {
+                "valid": not errors,
+                "errors": [asdict(problem) for problem in errors],
+                "warnings": [asdict(problem) for problem in warnings],
+            }
+        )
+    else:
+        for file, (wrong, doubtful) in findings.items():
+            for problem in wrong:
+                note(problem)
+            for problem in doubtful:
+                note(f"{problem} (warning)")
+            print(f"{file}: {_verdict(len(wrong), len(doubtful))}")
+    raise typer.Exit(1 if errors else 0)
+
+
+def _verdict(errors: int, warnings: int) -> str:
+    verdict = _count(errors, "error") if errors else "valid"
+    return f"{verdict}, {_count(warnings, 'warning')}" if warnings else verdict
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

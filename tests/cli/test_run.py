@@ -1,0 +1,85 @@
+"""`circuitkit run`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+INPUTS = ["force_difference", "zmp_y"]
+NEURONS = ["lf", "bf", "rf", "q1", "q2", "q3", "q4", "h1", "h2", "p1", "p2"]
+
+
+def test_csv_goes_to_standard_output(circuitkit):
+    outcome = circuitkit(
+        "run", "binn_lateral", "--input", "zmp_y=70mm", "--input", "force_difference=0", "--steps", "3"
+    )
+    assert (outcome.code, outcome.err) == (0, "")
+    header, *rows = [line.split(",") for line in outcome.out.splitlines()]
+    assert header == ["time_s", *INPUTS, *NEURONS, "ankle_roll"]
+    assert [row[:3] for row in rows] == [["0", "0", "70"], ["0.01", "0", "70"], ["0.02", "0", "70"]]
+
+
+def test_a_negative_value_and_spaces(circuitkit):
+    outcome = circuitkit(
+        "run", "binn_lateral", "--input", "zmp_y = -9 cm", "--input", "force_difference=-1", "--steps", "1"
+    )
+    assert outcome.code == 0
+    assert outcome.out.splitlines()[1].startswith("0,-1,-90,")
+
+
+def test_the_file_is_named_afterwards_and_notes_are_on_stderr(circuitkit):
+    outcome = circuitkit(
+        "run", "binn_lateral", "--input", "zmp_y=200 mm", "--steps", "2", "-o", "new/out.csv"
+    )
+    assert (outcome.code, outcome.out) == (0, "")
+    assert outcome.err.splitlines() == [
+        "note: held at 0, for no value was given: force_difference",
+        "note: zmp_y leaves its range, -150 mm to 150 mm, in 2 of 2 steps",
+        "wrote new/out.csv: 2 steps of 10 ms",
+    ]
+    assert len(Path("new/out.csv").read_text(encoding="utf-8").splitlines()) == 3
+
+
+def test_json_is_a_summary(circuitkit):
+    outcome = circuitkit(
+        "run", "binn_lateral", "--input", "zmp_y=70mm", "--steps", "4", "--json", "-o", "out.nc"
+    )
+    summary = json.loads(outcome.out)
+    assert list(summary) == ["circuit", "steps", "step_s", "units", "last", "recording"]
+    assert (summary["circuit"], summary["steps"], summary["step_s"]) == ("binn_lateral", 4, 0.01)
+    assert summary["units"]["ankle_roll"] == "deg"
+    assert summary["last"]["zmp_y"] == 70
+    assert summary["recording"] == "out.nc"
+    assert Path("out.nc").stat().st_size > 0
+
+
+def test_a_table_of_inputs(circuitkit):
+    Path("in.csv").write_text("force_difference,zmp_y\n1,10\n1,20\n", encoding="utf-8")
+    outcome = circuitkit("run", "binn_lateral", "--inputs", "in.csv")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert [line.split(",")[:3] for line in outcome.out.splitlines()[1:]] == [
+        ["0", "1", "10"],
+        ["0.01", "1", "20"],
+    ]
+
+
+def test_wrong_input_is_told_before_anything_is_written(circuitkit):
+    outcome = circuitkit("run", "binn_lateral", "--input", "zmp_x=70mm", "--steps", "3", "-o", "out.csv")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert outcome.err == (
+        "inputs: unknown input 'zmp_x'; allowed: force_difference, zmp_y; did you mean 'zmp_y'?\n"
+    )
+    assert not Path("out.csv").exists()
+
+
+def test_an_unknown_format_is_told_before_the_circuit_is_read(circuitkit):
+    outcome = circuitkit("run", "no_such_circuit", "--steps", "3", "-o", "out.xls")
+    assert (outcome.code, outcome.err) == (1, "out.xls: found the suffix '.xls'; allowed: .csv, .nc\n")
+
+
+def test_a_value_is_given_once(circuitkit):
+    outcome = circuitkit(
+        "run", "binn_lateral", "--input", "zmp_y=1mm", "--input", "zmp_y=2mm", "--steps", "3"
+    )
+    assert outcome.code == 2
+    assert "Error: Invalid value for --input: 'zmp_y' is given twice" in outcome.err

@@ -1,0 +1,119 @@
+"""`circuitkit simulate` and `compare`: what they hand on and what they print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import circuitkit.simulate as room
+
+ROW = {
+    "scenario": "nao_push",
+    "controller": "circuit",
+    "seed": 3,
+    "push": {"force_n": 20.0, "duration_s": 0.2, "direction": "inward"},
+    "survived": True,
+    "time_of_fall_s": None,
+    "max_zmp_excursion_m": 0.0123,
+    "recovery_time_s": 0.84,
+    "recording": "out/recording.nc",
+}
+FALLEN = {
+    **ROW,
+    "controller": "open_loop",
+    "survived": False,
+    "time_of_fall_s": 4.5678,
+    "recovery_time_s": float("nan"),
+    "push": None,
+}
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """What the room was called with; it answers at once."""
+    heard = []
+
+    def answer(*rows):
+        results = [SimpleNamespace(row=lambda row=row: row) for row in rows]
+
+        def called(*args, **options):
+            heard.append((args, options))
+            return results if len(results) > 1 else results[0]
+
+        return called
+
+    monkeypatch.setattr(room, "load_scenario", lambda name: f"loaded {name}")
+    monkeypatch.setattr(room, "simulate", answer(ROW))
+    monkeypatch.setattr(room, "compare", answer(FALLEN, ROW))
+    return heard
+
+
+def test_simulate_hands_on_what_was_asked_for(circuitkit, calls):
+    words = (
+        "--circuit",
+        "my.yaml",
+        "--push",
+        "20N,200ms,inward",
+        "--seed",
+        "3",
+        "-o",
+        "out",
+        "--video",
+        "--view",
+    )
+    outcome = circuitkit("simulate", "nao_push", *words)
+    assert (outcome.code, outcome.err) == (0, "wrote out\n")
+    ((args, options),) = calls
+    assert args == ("loaded nao_push",)
+    assert options == {
+        "controller": None,
+        "circuit": "my.yaml",
+        "push": "20N,200ms,inward",
+        "seed": 3,
+        "output": Path("out"),
+        "video": True,
+        "view": True,
+        "progress": True,
+    }
+
+
+@pytest.mark.usefixtures("calls")
+def test_simulate_prints_the_verdict(circuitkit):
+    out = circuitkit("simulate", "nao_push").out
+    assert "nao_push" in out
+    row = out.splitlines()[-2].split()
+    assert " ".join(row) == "circuit 3 20 N, 200 ms, inward stood 12.3 mm 0.84 s"
+
+
+def test_compare_prints_one_line_a_controller(circuitkit, calls):
+    outcome = circuitkit("compare", "nao_push", "--controllers", "open_loop, circuit", "-o", "out")
+    assert (outcome.code, outcome.err) == (0, "wrote out\n")
+    ((args, _),) = calls
+    assert args == ("loaded nao_push", ["open_loop", "circuit"])
+    rows = [" ".join(line.split()) for line in outcome.out.splitlines()[-3:-1]]
+    assert rows == [
+        "open_loop 3 none fell at 4.57 s 12.3 mm -",
+        "circuit 3 20 N, 200 ms, inward stood 12.3 mm 0.84 s",
+    ]
+
+
+@pytest.mark.parametrize("words", [("simulate", "nao_push"), ("compare", "nao_push", "--controllers", "a,b")])
+@pytest.mark.usefixtures("calls")
+def test_json_is_a_list_with_the_keys_of_the_contract(circuitkit, words):
+    rows = json.loads(circuitkit(*words, "--json").out)
+    assert [list(row) for row in rows] == [list(ROW)] * len(rows)
+    assert rows[-1] == ROW
+    assert rows[0]["recovery_time_s"] in (None, 0.84)
+
+
+@pytest.mark.usefixtures("calls")
+def test_compare_wants_names(circuitkit):
+    outcome = circuitkit("compare", "nao_push", "--controllers", " , ")
+    assert outcome.code == 2
+    assert (
+        "Invalid value for --controllers: name at least one controller, such as open_loop,circuit"
+        in outcome.err
+    )
