@@ -53,7 +53,7 @@ lock:  ## pins anew every dependency of pyproject.toml, for all platforms
 	out/lock/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
 	out/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --fork-strategy fewest \
 		--upgrade --no-annotate --custom-compile-command "make lock" --no-emit-index-url --no-emit-find-links \
-		--extra video --extra data --extra tune --extra test --extra dev pyproject.toml --output-file requirements.lock
+		--all-extras pyproject.toml --output-file requirements.lock
 
 clean:  ## removes the virtual environment, caches and results
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

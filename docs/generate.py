@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 from pathlib import Path
+from unittest import mock
 
 from circuitkit.cli.app import COMMANDS
 from circuitkit.cli.main import main
@@ -22,7 +24,7 @@ usage, 3 the run failed, 130 after Ctrl-C. Errors go to stderr as `file:line:col
 
 def _printed_by(*words: str) -> str:
     printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
+    with contextlib.redirect_stdout(printed), mock.patch.dict(os.environ, COLUMNS="100"):
         main(words)
     return printed.getvalue()
 

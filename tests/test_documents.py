@@ -44,13 +44,15 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[page.relative_to(ROOT).as_posix() for page in PAGES])
-def test_every_command_of_a_page_runs(page, folder):
+@pytest.mark.usefixtures("folder")
+def test_every_command_of_a_page_runs(page):
     for line in commands(page.read_text(encoding="utf-8")):
         run_here(line)
 
 
 @pytest.mark.parametrize("command", QUICK)
-def test_every_example_of_the_help_runs(command, folder, capsys):
+@pytest.mark.usefixtures("folder")
+def test_every_example_of_the_help_runs(command, capsys):
     assert main([command, "--help"]) == 0
     examples = capsys.readouterr().out.split("Examples:\n")[1].splitlines()
     for line in filter(None, map(str.strip, examples)):
@@ -58,7 +60,8 @@ def test_every_example_of_the_help_runs(command, folder, capsys):
 
 
 @pytest.mark.parametrize("script", EXAMPLES, ids=[script.stem for script in EXAMPLES])
-def test_every_example_script_runs(script, folder, monkeypatch):
+@pytest.mark.usefixtures("folder")
+def test_every_example_script_runs(script, monkeypatch):
     monkeypatch.setattr(sys, "argv", [str(script)])
     runpy.run_path(str(script), run_name="__main__")
 

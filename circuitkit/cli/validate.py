@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
 def validate(
     files: Annotated[
-        list[str], typer.Argument(metavar="FILE...", help="Circuit files, or names of shipped circuits.")
+        list[str], typer.Argument(metavar="FILE", help="Circuit files, or names of shipped circuits.")
     ],
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
