@@ -6,6 +6,8 @@ Importing this package is light; every name below is imported when it is first u
 from __future__ import annotations
 
 import importlib
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,50 +20,72 @@ if TYPE_CHECKING:
         parse_circuit,
         resolve,
     )
-    from circuitkit.engine import Program, State, Trace, compile_circuit, run, step
+    from circuitkit.draw import draw_activations, draw_circuit, draw_traces
+    from circuitkit.engine import Program, State, Stepper, Trace, compile_circuit, run, step
+    from circuitkit.simulate import Recording, Scenario, compare, load_scenario, simulate
 
 __version__ = "0.1.0"
-
-_HOME = {
-    "CircuitGraph": "circuitkit.circuit",
-    "CircuitSpec": "circuitkit.circuit",
-    "check": "circuitkit.circuit",
-    "circuit_schema": "circuitkit.circuit",
-    "load_circuit": "circuitkit.circuit",
-    "parse_circuit": "circuitkit.circuit",
-    "resolve": "circuitkit.circuit",
-    "Program": "circuitkit.engine",
-    "State": "circuitkit.engine",
-    "Trace": "circuitkit.engine",
-    "compile_circuit": "circuitkit.engine",
-    "run": "circuitkit.engine",
-    "step": "circuitkit.engine",
-}
 
 __all__ = [
     "CircuitGraph",
     "CircuitSpec",
     "Program",
+    "Recording",
+    "Scenario",
     "State",
+    "Stepper",
     "Trace",
     "__version__",
     "check",
     "circuit_schema",
+    "compare",
     "compile_circuit",
+    "draw_activations",
+    "draw_circuit",
+    "draw_traces",
     "load_circuit",
+    "load_scenario",
     "parse_circuit",
     "resolve",
     "run",
+    "simulate",
     "step",
 ]
 
+_ROOMS = {
+    "circuit": "CircuitGraph CircuitSpec check circuit_schema load_circuit parse_circuit resolve",
+    "draw": "draw_activations draw_circuit draw_traces",
+    "engine": "Program State Stepper Trace compile_circuit run step",
+    "simulate": "Recording Scenario compare load_scenario simulate",
+}
+_ROOM_OF_NAME = {name: f"circuitkit.{room}" for room, names in _ROOMS.items() for name in names.split()}
+
 
 def __getattr__(name: str) -> object:
-    if name not in _HOME:
+    if name not in _ROOM_OF_NAME:
         message = f"module 'circuitkit' has no attribute '{name}'"
         raise AttributeError(message)
-    return getattr(importlib.import_module(_HOME[name]), name)
+    return getattr(importlib.import_module(_ROOM_OF_NAME[name]), name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME})
+    return sorted({*globals(), *_ROOM_OF_NAME})
+
+
+class _CallableRoom(ModuleType):
+    """A room that can be called like the function of the same name in it."""
+
+    def __call__(self, *args: object, **kwargs: object) -> object:
+        return getattr(self, self.__name__.rpartition(".")[2])(*args, **kwargs)
+
+
+class _Package(ModuleType):
+    """Makes `simulate` callable: it is a room and a function, and importing the room hides the function."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name == "simulate" and isinstance(value, ModuleType):
+            value.__class__ = _CallableRoom
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -30,7 +30,24 @@ def test_checking_a_circuit_needs_no_drawing_no_robot_and_no_arrays():
 @pytest.mark.parametrize("name", [name for name in circuitkit.__all__ if name != "__version__"])
 def test_every_promised_name_is_there(name):
     assert name in dir(circuitkit)
-    assert getattr(circuitkit, name).__name__ == name
+    assert callable(getattr(circuitkit, name))
+    assert getattr(circuitkit, name).__name__.removeprefix("circuitkit.") == name
+
+
+@pytest.mark.parametrize("before", ["", "import circuitkit.simulate", "from circuitkit import simulate"])
+def test_simulate_is_a_function_and_a_room_whatever_was_imported_before(before):
+    code = f"""
+{before}
+from circuitkit import simulate
+import circuitkit.simulate as room
+from circuitkit.simulate import load_scenario
+assert callable(simulate) and callable(room.simulate) and callable(load_scenario)
+try:
+    simulate()
+except TypeError as error:
+    assert "simulate()" in str(error), error
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_an_unknown_name_is_an_attribute_error():

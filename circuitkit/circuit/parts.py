@@ -37,9 +37,10 @@ class Part:
     lost_sections: bool = False
 
 
-def part_of(spec: FileSpec) -> Part:
-    """A part for a spec that came from no file."""
-    return Part(Document("", None, {}), spec, tuple(range(len(spec.synapses))))
+def part_of(spec: CircuitSpec) -> Part:
+    """The part of a whole spec: with line and column if it came from a file, or is a copy of one that did."""
+    document = spec.parts[-1].document if spec.parts else Document("", None, {})
+    return Part(document, spec, tuple(range(len(spec.synapses))))
 
 
 def read_parts(document: Document) -> tuple[tuple[Part, ...], list[Problem]]:

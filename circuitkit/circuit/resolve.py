@@ -20,14 +20,14 @@ def resolve(spec: CircuitSpec, parameters: Mapping[str, float | str] | None = No
     """Apply includes and parameters, and check every reference, unit and sign.
 
     Args:
-        spec: The circuit as its file says it.
+        spec: The circuit as its file says it, or a changed copy; what it includes has been read already.
         parameters: Values that take the place of the file's, such as `{"w": "0.5 deg"}`.
 
     Raises:
         UnknownNameError: The circuit has no parameter of this name.
         InputError: Something does not fit together; carries every error, not only the first.
     """
-    parts = spec.parts or (part_of(spec),)
+    parts = (*spec.parts[:-1], part_of(spec))
     overrides = dict(parameters or {})
     declared = [name for part in parts for name in part.spec.parameters]
     for name in overrides:
@@ -116,7 +116,7 @@ def _neurons(scope: Scope) -> Iterator[Neuron]:
             if parameter.name in written:
                 _check_unit(scope, item, parameter, written[parameter.name], unit)
         _check_order(scope, item, model, written)
-        values = {each.name: each.default for each in model.parameters if each.default is not None}
+        values = {each.name: each.default or 0.0 for each in model.parameters}
         values |= {name: quantity.value_si for name, quantity in written.items()}
         description = item.spec.description
         yield Neuron(name, model, item.spec.role, values, unit, description, item.origin)

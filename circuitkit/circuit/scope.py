@@ -22,6 +22,8 @@ from circuitkit.units import DIMENSIONLESS, Quantity, Unit
 SpecT = TypeVar("SpecT", bound=FileModel)
 # Tables of results have a column of this name.
 RESERVED_NAME = "time_s"
+# Far beyond any use, and far from Python's limit of recursion.
+_LONGEST_CHAIN = 50
 
 
 @dataclass(frozen=True)
@@ -187,6 +189,10 @@ class Scope:
             if name in self._in_progress:
                 circle = " -> ".join((*self._in_progress[self._in_progress.index(name) :], name))
                 message = f"found a circle of parameters: {circle}; allowed: parameters that end in a value"
+                self.errors.append(item.problem(inner, message))
+                return None
+            if len(self._in_progress) >= _LONGEST_CHAIN:
+                message = f"found more than {_LONGEST_CHAIN} parameters in a chain; allowed: fewer"
                 self.errors.append(item.problem(inner, message))
                 return None
             self._in_progress.append(name)
