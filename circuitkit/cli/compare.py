@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from circuitkit.cli.printing import examples, note, print_json
-from circuitkit.cli.results import print_results
+from circuitkit.cli.printing import examples
+from circuitkit.cli.results import finish
 
 
 def register(app: typer.Typer) -> None:
@@ -65,10 +65,9 @@ def compare(
         raise typer.BadParameter(message)
 
     from circuitkit.simulate import compare as run_comparison
-    from circuitkit.simulate import load_scenario
 
     results = run_comparison(
-        load_scenario(scenario),
+        scenario,
         names,
         circuit=circuit,
         push=push,
@@ -77,10 +76,4 @@ def compare(
         video=video,
         progress=True,
     )
-    rows = [result.row() for result in results]
-    if as_json:
-        print_json(rows)
-        return
-    print_results(rows)
-    if output is not None:
-        note(f"wrote {output}")
+    finish([result.row() for result in results], output, as_json=as_json)

@@ -1,12 +1,34 @@
-"""The table that `simulate` and `compare` print: one line a run."""
+"""What `simulate` and `compare` print when they are done: one line a run."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from circuitkit.cli.printing import print_table
+import typer
+
+from circuitkit.cli.main import INTERRUPTED
+from circuitkit.cli.printing import note, print_json, print_table
+
+
+def finish(rows: Sequence[Mapping[str, Any]], output: Path | None, *, as_json: bool) -> None:
+    """Print verdicts; a run that was stopped by Ctrl-C has its say too, and then ends the command.
+
+    Args:
+        rows: As for `print_results`, with "interrupted".
+        output: Where the recordings were written; None if nowhere.
+        as_json: Print JSON instead of a table.
+    """
+    if as_json:
+        print_json(rows)
+    else:
+        print_results(rows)
+        if output is not None:
+            note(f"wrote {output}")
+    if any(row["interrupted"] for row in rows):
+        raise typer.Exit(INTERRUPTED)
 
 
 def print_results(rows: Sequence[Mapping[str, Any]]) -> None:
@@ -14,7 +36,7 @@ def print_results(rows: Sequence[Mapping[str, Any]]) -> None:
 
     Args:
         rows: With the keys of the command line's JSON: "scenario", "controller", "seed", "push", "survived",
-            "time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s".
+            "time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s", "interrupted".
     """
     print_table(
         ", ".join(dict.fromkeys(str(row["scenario"]) for row in rows)),
@@ -24,13 +46,19 @@ def print_results(rows: Sequence[Mapping[str, Any]]) -> None:
                 str(row["controller"]),
                 str(row["seed"]),
                 _push(row["push"]),
-                "stood" if row["survived"] else f"fell at {row['time_of_fall_s']:.2f} s",
+                _verdict(row),
                 _scaled(row["max_zmp_excursion_m"], 1e3, "mm"),
                 _scaled(row["recovery_time_s"], 1.0, "s"),
             )
             for row in rows
         ),
     )
+
+
+def _verdict(row: Mapping[str, Any]) -> str:
+    if not row["survived"]:
+        return f"fell at {row['time_of_fall_s']:.2f} s"
+    return "stood until interrupted" if row["interrupted"] else "stood"
 
 
 def _push(push: Mapping[str, Any] | None) -> str:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from circuitkit.cli.printing import examples, note, print_json
-from circuitkit.cli.results import print_results
+from circuitkit.cli.printing import examples
+from circuitkit.cli.results import finish
 
 
 def register(app: typer.Typer) -> None:
@@ -68,11 +68,10 @@ def simulate(
         message = "--video needs a folder to write to: -o DIR"
         raise typer.BadParameter(message)
 
-    from circuitkit.simulate import load_scenario
     from circuitkit.simulate import simulate as run_simulation
 
     result = run_simulation(
-        load_scenario(scenario),
+        scenario,
         controller=controller,
         circuit=circuit,
         push=push,
@@ -82,9 +81,4 @@ def simulate(
         view=view,
         progress=True,
     )
-    if as_json:
-        print_json([result.row()])
-        return
-    print_results([result.row()])
-    if output is not None:
-        note(f"wrote {output}")
+    finish([result.row()], output, as_json=as_json)

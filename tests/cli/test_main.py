@@ -51,7 +51,7 @@ def test_version(circuitkit):
     ("words", "message"),
     [
         (("validat", "x"), "Error: No such command 'validat'. Did you mean 'validate'?"),
-        (("validate",), "Error: Missing argument 'FILE."),
+        (("validate",), "Error: Missing argument 'FILE'."),
         (("run", "binn_lateral", "--step", "3"), "Error: No such option: --step"),
         (
             ("run", "binn_lateral", "--steps", "0"),

@@ -19,6 +19,7 @@ ROW = {
     "time_of_fall_s": None,
     "max_zmp_excursion_m": 0.0123,
     "recovery_time_s": 0.84,
+    "interrupted": False,
     "recording": "out/recording.nc",
 }
 FALLEN = {
@@ -45,7 +46,6 @@ def calls(monkeypatch):
 
         return called
 
-    monkeypatch.setattr(room, "load_scenario", lambda name: f"loaded {name}")
     monkeypatch.setattr(room, "simulate", answer(ROW))
     monkeypatch.setattr(room, "compare", answer(FALLEN, ROW))
     return heard
@@ -67,7 +67,7 @@ def test_simulate_hands_on_what_was_asked_for(circuitkit, calls):
     outcome = circuitkit("simulate", "nao_push", *words)
     assert (outcome.code, outcome.err) == (0, "wrote out\n")
     ((args, options),) = calls
-    assert args == ("loaded nao_push",)
+    assert args == ("nao_push",)
     assert options == {
         "controller": None,
         "circuit": "my.yaml",
@@ -92,7 +92,7 @@ def test_compare_prints_one_line_a_controller(circuitkit, calls):
     outcome = circuitkit("compare", "nao_push", "--controllers", "open_loop, circuit", "-o", "out")
     assert (outcome.code, outcome.err) == (0, "wrote out\n")
     ((args, _),) = calls
-    assert args == ("loaded nao_push", ["open_loop", "circuit"])
+    assert args == ("nao_push", ["open_loop", "circuit"])
     rows = [" ".join(line.split()) for line in outcome.out.splitlines()[-3:-1]]
     assert rows == [
         "open_loop 3 none fell at 4.57 s 12.3 mm -",
@@ -117,3 +117,11 @@ def test_compare_wants_names(circuitkit):
         "Invalid value for --controllers: name at least one controller, such as open_loop,circuit"
         in outcome.err
     )
+
+
+def test_an_interrupted_run_is_reported_and_ends_the_command_so(circuitkit, monkeypatch):
+    row = {**ROW, "interrupted": True}
+    monkeypatch.setattr(room, "simulate", lambda *_, **__: SimpleNamespace(row=lambda: row))
+    outcome = circuitkit("simulate", "nao_push", "-o", "out")
+    assert (outcome.code, outcome.err) == (130, "wrote out\ninterrupted\n")
+    assert "stood until interrupted" in outcome.out
