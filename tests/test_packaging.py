@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -75,24 +76,41 @@ def test_wheel_says_who_it_is(wheel):
     assert scripts == "[console_scripts]\ncircuitkit = circuitkit.cli.main:entry_point\n"
 
 
-def test_wheel_alone_runs_shipped_circuits_by_name(wheel, tmp_path):
-    zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
-    words = [sys.executable, "-m", "circuitkit", "show", "binn_lateral", "--resolved"]
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
-    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+@pytest.fixture(scope="module")
+def run_installed(wheel, tmp_path_factory):
+    """Runs the command line of the unpacked wheel, away from the checkout."""
+    installed, elsewhere = tmp_path_factory.mktemp("installed"), tmp_path_factory.mktemp("elsewhere")
+    zipfile.ZipFile(wheel).extractall(installed)
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+
+    def run(*words):
+        whole = [sys.executable, "-m", "circuitkit", *words]
+        return subprocess.run(
+            whole, cwd=elsewhere, env=environment, capture_output=True, text=True, check=False
+        )
+
+    return run
+
+
+def test_wheel_alone_runs_shipped_circuits_by_name(run_installed):
+    done = run_installed("show", "binn_lateral", "--resolved")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("circuit: binn_lateral\n")
 
 
-def test_wheel_alone_says_that_benchmarks_are_in_the_repository(wheel, tmp_path):
-    zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
-    words = [sys.executable, "-m", "circuitkit", "bench"]
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
-    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 3
-    assert done.stderr == (
-        f"found no benchmarks in '{tmp_path / 'installed' / 'benchmarks'}': they are part of the repository, "
-        "not of the installed package; run `make bench` in a clone of the repository\n"
+def test_wheel_alone_runs_shipped_scenarios_by_name(run_installed):
+    done = run_installed("simulate", "nao_push", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [row["scenario"] for row in json.loads(done.stdout)] == ["nao_push"]
+
+
+def test_wheel_alone_says_that_benchmarks_are_in_the_repository(run_installed):
+    done = run_installed("bench")
+    assert (done.returncode, done.stdout) == (3, "")
+    assert re.fullmatch(
+        r"found no benchmarks in '.*/benchmarks': they are part of the repository, "
+        r"not of the installed package; run `make bench` in a clone of the repository\n",
+        done.stderr,
     )
 
 
