@@ -70,6 +70,8 @@ def _report(error: Exception, debug: bool) -> int:
         text = str(error)
     elif isinstance(error, OSError):
         text = f"cannot use '{error.filename}': {reason(error)}" if error.filename else reason(error)
+    elif isinstance(error, MemoryError):
+        text = f"not enough memory: {error}"
     else:
         text = f"internal error: {type(error).__name__}: {error}; --debug shows where, please report it"
     if debug:

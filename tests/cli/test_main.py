@@ -98,6 +98,7 @@ def test_wrong_usage_exits_with_2_and_says_what_is_wrong(circuitkit, words, mess
             "cannot use 'x.csv': No such file or directory\n",
         ),
         (OSError(28, "No space left on device"), 3, "No space left on device\n"),
+        (MemoryError("1 TiB"), 3, "not enough memory: 1 TiB\n"),
         (
             ZeroDivisionError("division by zero"),
             3,
