@@ -147,7 +147,9 @@ def test_ctrl_c_ends_with_one_line(tmp_path: Path):
         process.send_signal(signal.SIGINT)
         assert process.stderr is not None
         errors = process.stderr.read().decode()
-    assert (process.returncode, errors) == (130, "interrupted\n")
+    assert errors == "interrupted\n"
+    # Hit inside `exec`, as while importing, Python from 3.12 on ends by the signal itself: 130 to a shell.
+    assert process.returncode in (130, -signal.SIGINT)
     assert list(tmp_path.iterdir()) == []
 
 
