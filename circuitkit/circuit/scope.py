@@ -42,6 +42,11 @@ class Item(Generic[SpecT]):
         path = self.part.document.path
         return Origin(path, mark.key_line, mark.key_column) if path else NO_ORIGIN
 
+    @property
+    def value_place(self) -> Place:
+        """Where the value of a parameter stands: a parameter may be written `1 mm` or `{value: 1 mm}`."""
+        return ("value",) if (*self.place, "value") in self.part.document.marks else ()
+
     def problem(self, inner: Place, message: str, hint: str = "", *, at_key: bool = False) -> Problem:
         """A complaint about a part of it."""
         return self.part.document.problem((*self.place, *inner), message, hint, at_key=at_key)
@@ -72,9 +77,14 @@ class Scope:
     _in_progress: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Merge the sections of all files, and complain about names that are declared twice."""
+        """Merge the sections of all files, and complain about names that are declared twice.
+
+        A parameter may be declared again by a file that includes the other one: the including file's value
+        counts, and must be of the same dimension.
+        """
         self.lost = frozenset().union(*(part.lost for part in self.parts))
         self.incomplete = any(part.lost_sections for part in self.parts)
+        self._included: dict[str, list[Item[ParameterSpec]]] = {}
         self.parameters: dict[str, Item[ParameterSpec]] = self._merged("parameters")
         self.inputs: dict[str, Item[InputSpec]] = self._merged("inputs")
         self.neurons: dict[str, Item[NeuronSpec]] = self._merged("neurons")
@@ -87,7 +97,10 @@ class Scope:
         for part in self.parts:
             for name, spec in getattr(part.spec, section).items():
                 item = Item(name, spec, part, (section, name))
-                if name in merged:
+                if section == "parameters" and name in merged and merged[name].part is not part:
+                    self._included.setdefault(name, []).append(merged[name])
+                    merged[name] = item
+                elif name in merged:
                     first = merged[name].seen_from(part)
                     message = f"the name '{name}' is declared twice, first {first}; allowed: each name once"
                     self.errors.append(item.problem((), message, at_key=True))
@@ -185,7 +198,7 @@ class Scope:
         """The value of a declared parameter, or None after complaining."""
         if name not in self._values:
             item = self.parameters[name]
-            inner: Place = ("value",) if (*item.place, "value") in item.part.document.marks else ()
+            inner = item.value_place
             if name in self._in_progress:
                 circle = " -> ".join((*self._in_progress[self._in_progress.index(name) :], name))
                 message = f"found a circle of parameters: {circle}; allowed: parameters that end in a value"
@@ -197,6 +210,11 @@ class Scope:
                 return None
             self._in_progress.append(name)
             quantity = self.value(item, inner, item.spec.value)
+            for included in self._included.get(name, ()):
+                before = self.value(included, included.value_place, included.spec.value)
+                if before is not None and quantity is not None:
+                    reason = f"{included.seen_from(item.part)} it is {before}"
+                    quantity = quantity if self.fits(item, inner, quantity, before.unit, reason) else None
             if quantity is not None and name in self.overrides:
                 reason = f"the file has {quantity}"
                 quantity = self.value(item, inner, self.overrides[name], quantity.unit, reason)

@@ -56,11 +56,12 @@ class RobotModel:
         return float(self.model.body_subtreemass[self.torso_id])
 
 
-def build_model(spec: RobotSpec, friction: float | None = None) -> RobotModel:
+def build_model(spec: RobotSpec, friction: float | None = None, *, looks: bool = False) -> RobotModel:
     """Load the MJCF and add floor, servos and sensors.
 
     Args:
         spec: The robot file.
+        looks: Keep geoms that are only seen; physics is the same to the last bit without them, and faster.
         friction: Sliding friction of the floor; the soles' own if None.
 
     Raises:
@@ -74,6 +75,7 @@ def build_model(spec: RobotSpec, friction: float | None = None) -> RobotModel:
     except ValueError as error:
         raise InputError(Problem(str(path), 1, 1, "", f"not an MJCF file: {error}")) from error
     _check_names(spec, mj)
+    mj.compiler.discardvisual = not looks
     for actuator in list(mj.actuators):
         mj.delete(actuator)
     for sensor in list(mj.sensors):
