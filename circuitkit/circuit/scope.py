@@ -98,7 +98,7 @@ class Scope:
             for name, spec in getattr(part.spec, section).items():
                 item = Item(name, spec, part, (section, name))
                 if section == "parameters" and name in merged and merged[name].part is not part:
-                    self._included.setdefault(name, []).append(merged[name])
+                    self._included.setdefault(name, []).append(merged[name])  # type: ignore[arg-type]  # a parameter
                     merged[name] = item
                 elif name in merged:
                     first = merged[name].seen_from(part)

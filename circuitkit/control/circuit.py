@@ -24,7 +24,11 @@ class CircuitController:
     name = "circuit"
 
     def __init__(
-        self, graph: CircuitGraph, observations: Mapping[str, Unit], commands: Mapping[str, Unit], step_s: float
+        self,
+        graph: CircuitGraph,
+        observations: Mapping[str, Unit],
+        commands: Mapping[str, Unit],
+        step_s: float,
     ) -> None:
         """Bind a circuit to a robot.
 
@@ -35,15 +39,17 @@ class CircuitController:
             step_s: The control step of the loop.
 
         Raises:
-            InputError: The robot lacks a channel, its unit is of another dimension, or the control steps differ;
-                lists all that is wrong.
+            InputError: The robot lacks a channel, its unit is of another dimension, or the control steps
+                differ; lists all that is wrong.
         """
         problems = [
             *_mismatches("input", graph.inputs, observations, "sensor channel"),
             *_mismatches("output", graph.outputs, commands, "command"),
         ]
         if not math.isclose(graph.step_s, step_s, rel_tol=1e-9):
-            message = f"found {graph.step_s * 1e3:g} ms; allowed: the control step of the walk, {step_s * 1e3:g} ms"
+            message = (
+                f"found {graph.step_s * 1e3:g} ms; allowed: the control step of the walk, {step_s * 1e3:g} ms"
+            )
             file = graph.outputs[0].origin.file if graph.outputs else graph.name
             problems.append(Problem(file, 1, 1, "control_step", message))
         if problems:
@@ -71,14 +77,14 @@ class CircuitController:
         return readout
 
     def _step_where_finite(self, observation: Array) -> Array:
-        missing = ~np.isfinite(observation).all(axis=1)
+        missing = np.logical_not(np.isfinite(observation).all(axis=1, keepdims=True))
         before = self._stepper.state
-        self._inputs[...] = np.where(missing[:, None], 0.0, observation)
+        self._inputs[...] = np.where(missing, 0.0, observation)
         self._stepper.step()
         after = self._stepper.state
         self._stepper.state = State(
             *(
-                np.where(missing[:, None], old, new)
+                np.where(missing, old, new)
                 for old, new in zip(
                     (before.activation, before.output, before.readout),
                     (after.activation, after.output, after.readout),
@@ -89,7 +95,9 @@ class CircuitController:
         return self._stepper.readout
 
 
-def _mismatches(kind: str, nodes: Iterable[object], channels: Mapping[str, Unit], word: str) -> Iterable[Problem]:
+def _mismatches(
+    kind: str, nodes: Iterable[object], channels: Mapping[str, Unit], word: str
+) -> Iterable[Problem]:
     """What keeps the inputs or outputs of a circuit from being channels of a robot."""
     for node in nodes:
         name, unit, origin = node.name, node.unit, node.origin  # type: ignore[attr-defined]  # either node has them
@@ -99,5 +107,7 @@ def _mismatches(kind: str, nodes: Iterable[object], channels: Mapping[str, Unit]
             message = f"the robot has no {word} '{name}'; allowed: {listing(channels)}"
             yield Problem(*place, where, message, suggest(name, channels))
         elif unit.dimension != channels[name].dimension:
-            message = f"found the unit '{unit}'; allowed: the robot's {word} has '{channels[name]}', or like it"
+            message = (
+                f"found the unit '{unit}'; allowed: the robot's {word} has '{channels[name]}', or like it"
+            )
             yield Problem(*place, where, message)

@@ -52,7 +52,7 @@ def ankle_roll(com_shift_m: Array, support_leg_length_m: Array) -> Array:
     if np.any(np.abs(ratio) > 1.0):
         message = (
             f"eq. 3 has no solution: a shift of {np.abs(com_shift_m).max():.3f} m with a leg of "
-            f"{np.min(support_leg_length_m):.3f} m; allowed: less than the leg's length; lower the sideways ZMP"
+            f"{np.min(support_leg_length_m):.3f} m; allowed: less than that; lower the sideways ZMP"
         )
         raise SimulationError(message)
     return np.arcsin(ratio)
@@ -94,7 +94,9 @@ def hip_pitch(
     """
     cosine = (moving_leg_length_m - legs.tibia_m * np.cos(alpha - torso_pitch)) / legs.thigh_m
     if np.any(np.abs(cosine) > 1.0):
-        message = "eq. 6 has no solution: the leg is too short for this step; bend the knee more or step shorter"
+        message = (
+            "eq. 6 has no solution: the leg is too short for this step; bend the knee more or step shorter"
+        )
         raise SimulationError(message)
     angle = np.arccos(cosine)
     return np.where(thigh_back, angle, -angle) + torso_pitch
@@ -134,15 +136,17 @@ def alpha_for_foot(forward_m: Array, leg_length_m: Array, torso_pitch_rad: Array
     distance = np.hypot(forward_m, leg_length_m)
     if np.any(distance > legs.thigh_m + legs.tibia_m):
         message = (
-            f"the foot is {distance.max():.3f} m from the hip, and the leg {legs.thigh_m + legs.tibia_m:.3f} m "
-            "long; bend the knee more or step shorter"
+            f"the foot is {distance.max():.3f} m from the hip, and the leg is "
+            f"{legs.thigh_m + legs.tibia_m:.3f} m long; bend the knee more or step shorter"
         )
         raise SimulationError(message)
     cosine = (distance**2 + legs.tibia_m**2 - legs.thigh_m**2) / (2 * distance * legs.tibia_m)
     return -np.arctan2(forward_m, leg_length_m) + np.arccos(np.clip(cosine, -1.0, 1.0)) + torso_pitch_rad
 
 
-def knee_is_behind(forward_m: Array, alpha: Array, torso_pitch_rad: Array, legs: LegGeometry) -> NDArray[np.bool_]:
-    """Where the tibia, turned by alpha - theta_tp, reaches further back from the knee than the foot is: x + l_K sin(phi_k) < 0."""
+def knee_is_behind(
+    forward_m: Array, alpha: Array, torso_pitch_rad: Array, legs: LegGeometry
+) -> NDArray[np.bool_]:
+    """Where the knee stands behind its hip: x + l_K sin(alpha - theta_tp) < 0."""
     behind: NDArray[np.bool_] = forward_m + legs.tibia_m * np.sin(alpha - torso_pitch_rad) < 0
     return behind

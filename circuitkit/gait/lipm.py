@@ -1,4 +1,4 @@
-"""The linear inverted pendulum: ZMP, CoM and DCM (capture point), and the largest push that ankles can hold."""
+"""The linear inverted pendulum: ZMP, CoM and DCM (capture point), and the largest push that can be held."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def natural_frequency(com_height_m: float) -> float:
-    """omega = sqrt(g / z_CoM), in rad/s."""
+    """Omega = sqrt(g / z_CoM), in rad/s."""
     return math.sqrt(GRAVITY_M_S2 / com_height_m)
 
 
@@ -48,17 +48,15 @@ def com_from_zmp(zmp_m: Array, com_height_m: float, step_s: float) -> Array:
 
 
 def dcm(com_m: Array, com_velocity: Array, com_height_m: float) -> Array:
-    """xi = y + y' / omega, in metres: the divergent part of the motion, also called capture point."""
+    """Xi = y + y' / omega, in metres: the divergent part of the motion, also called capture point."""
     return com_m + com_velocity / natural_frequency(com_height_m)
 
 
-def largest_push_force(
-    distance_m: float, duration_s: float, mass_kg: float, com_height_m: float
-) -> float:
+def largest_push_force(distance_m: float, duration_s: float, mass_kg: float, com_height_m: float) -> float:
     """F = m omega^2 L / (1 - exp(-omega d)), in newtons: the largest constant push that can be held.
 
-    No controller that keeps the ZMP inside the support can hold more: a constant force moves the point that the
-    DCM runs away from by F / (m omega^2), and the DCM must not have left the support when the push ends.
+    No controller that keeps the ZMP inside the support can hold more: a constant force moves the point that
+    the DCM runs away from by F / (m omega^2), and the DCM must not have left the support when the push ends.
     Eq. 22 is the limit of a lasting push.
 
     Args:

@@ -1,4 +1,4 @@
-"""The walking pattern: from the time plan to joint angles, and the CoM motion that is right for the real body.
+"""The walking pattern: from the time plan to joint angles, with the CoM motion that suits the real body.
 
 The order of things: plan_steps -> ZMP reference -> CoM of a point mass (eq. 2 solved for all ticks) -> joint
 angles (eqs. 3-10) -> ZMP of the whole body along these angles, which a robot's model gives -> what it misses
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +27,12 @@ LEG_JOINTS = tuple(
     for side in SIDES
     for joint in ("hip_roll", "hip_pitch", "knee_pitch", "ankle_pitch", "ankle_roll")
 )
-# Steps that are computed one by one at the start, then one pair that is repeated, then some that only see to it
-# that the pair does not feel the end: what an end forces upon the CoM decays by exp(-omega * 0.55 s) = 1/27 a step.
+# Steps that are computed one by one at the start, then one pair that is repeated, then some that only see to
+# it that the pair does not feel the end: what an end forces upon the CoM decays by exp(-omega * 0.55 s), to a
+# 27th, in each step.
 _LEAD_STEPS, _CYCLE_STEPS, _TAIL_STEPS = 4, 2, 3
 _PASSES = 6
-# A pelvis shift moves the CoM by three quarters of itself, since the legs stay behind: correct by the inverse.
+# A pelvis shift moves the CoM by three quarters of itself, since the legs stay behind: take the inverse.
 _PELVIS_PER_COM = 1.3
 
 
@@ -43,7 +43,7 @@ class Walk:
     Attributes:
         gait: Its numbers.
         schedule: Its time plan.
-        pelvis_m: Middle between the hips, from where the feet stood at first: forward, left, up; shape (T, 3).
+        pelvis_m: Middle between the hips, from where the feet stood at first: forward, left, up; (T, 3).
         joints_rad: Angles of `LEG_JOINTS`; shape (T, 10).
     """
 
@@ -56,12 +56,6 @@ class Walk:
     def ticks(self) -> int:
         """T."""
         return len(self.joints_rad)
-
-
-class WholeBodyZmp(Protocol):
-    """The ZMP of a body that moves as the walk says, feet flat; forward and sideways, shape (T, 2), [m]."""
-
-    def __call__(self, walk: Walk) -> Array: ...
 
 
 def joint_angles(gait: GaitSpec, schedule: Schedule, pelvis_xy_m: Array, legs: LegGeometry) -> Walk:
@@ -104,7 +98,7 @@ def plan_walk(
     gait: GaitSpec,
     legs: LegGeometry,
     ticks: int,
-    whole_body_zmp: WholeBodyZmp | None = None,
+    whole_body_zmp: Callable[[Walk], Array] | None = None,
     then: Callable[[Walk], Array] | None = None,
 ) -> tuple[Walk, Array | None]:
     """A walk of any duration whose ZMP follows the reference.
@@ -113,7 +107,8 @@ def plan_walk(
         gait: The walk's numbers.
         legs: The leg's lengths.
         ticks: T, how many control steps.
-        whole_body_zmp: Gives the ZMP of the real body; without it the body is taken as a point mass.
+        whole_body_zmp: Gives the ZMP of the real body along a walk, forward and sideways, shape (t, 2), [m];
+            without it the body is taken as a point mass.
         then: Something to be worked out along the walk, shape (t, k), such as joint torques; it repeats with
             the walk, so it is only asked for one period.
 

@@ -94,7 +94,7 @@ def _phases(gait: GaitSpec, step: NDArray[np.int64], in_step: Array, single: Arr
 
 
 def _footprints(step_length_m: float, steps: int) -> tuple[Array, Array]:
-    """Forward positions of the feet before and after each step; the last row is for standing before step 0."""
+    """Forward positions of the feet before and after each step; the last row is for standing at first."""
     number = np.arange(steps)
     swing = 1 - number % 2
     before = np.zeros((steps + 1, 2))
@@ -108,7 +108,7 @@ def _footprints(step_length_m: float, steps: int) -> tuple[Array, Array]:
 
 
 def _support_points(gait: GaitSpec, before: Array) -> Array:
-    """ZMP reference of standing (row 0) and of each step's single support (row k + 1); shape (steps + 1, 2)."""
+    """ZMP reference of standing (row 0) and of the single support of step k (row k + 1); (steps + 1, 2)."""
     steps = len(before) - 1
     foot = np.arange(steps) % 2
     points = np.zeros((steps + 1, 2))

@@ -37,19 +37,25 @@ class ZmpReference(FileModel):
     """Where the ZMP shall be under the support foot, from the ankle's middle line."""
 
     forward: Metres = Field(description="Ahead of the ankle of the support foot.")
-    sideways: Metres = Field(gt=0, description="From the middle between the feet, to the support foot's side.")
+    sideways: Metres = Field(
+        gt=0, description="From the middle between the feet, to the support foot's side."
+    )
 
 
 class GaitSpec(FileModel):
     """A walk of the paper's three movements: transfer, lift and extend."""
 
     gait: str = Field(description="Name.")
-    pattern: Literal["three_movements"] = Field(description="How the joints are found: eqs. 3-10 of the paper.")
+    pattern: Literal["three_movements"] = Field(
+        description="How the joints are found: eqs. 3-10 of the paper."
+    )
     description: str = ""
     control_step: Seconds = Field(gt=0, description="Time between two sets of joint angles.")
     double_support: Seconds = Field(gt=0, description="Duration of `transfer`.")
     single_support: Seconds = Field(gt=0, description="Duration of `lift` and `extend` together.")
-    step_length: Metres = Field(ge=0, le=0.08, description="From the footprint to the next one; 0 marches on the spot.")
+    step_length: Metres = Field(
+        ge=0, le=0.08, description="From the footprint to the next one; 0 marches on the spot."
+    )
     stand: Seconds = Field(gt=0, description="Time to stand before the first step.")
     knee: Radians = Field(gt=0, lt=2, description="Knee pitch of the standing leg.")
     zmp: ZmpReference

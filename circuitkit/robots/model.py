@@ -16,7 +16,9 @@ from circuitkit.robots.sensing import SensorLayout
 from circuitkit.robots.spec import RobotSpec, Servo
 
 _FLOOR = "floor"
-_CELL_HALF_SIZE = 0.06  # larger than the foot: a cell's volume reaches from the middle of the sole past its edge
+_CELL_HALF_SIZE = (
+    0.06  # larger than the foot: a cell's volume reaches from the middle of the sole past its edge
+)
 _CELL_HALF_HEIGHT = 0.02
 
 
@@ -65,7 +67,7 @@ def build_model(spec: RobotSpec, friction: float | None = None, *, looks: bool =
         friction: Sliding friction of the floor; the soles' own if None.
 
     Raises:
-        InputError: The MJCF cannot be read, or lacks a part that the robot file names; lists all that is missing.
+        InputError: The MJCF cannot be read, or lacks parts that the robot file names; lists them all.
     """
     path = spec.mjcf_path
     if not path.is_file():
@@ -132,7 +134,12 @@ def _check_names(spec: RobotSpec, mj: Any) -> None:  # noqa: ANN401 - MjSpec is 
 
 def _add_floor(mj: Any, spec: RobotSpec, friction: float | None) -> None:  # noqa: ANN401 - MjSpec is not typed
     """A plane that only the robot's colliding geoms touch; their friction is the floor's as well."""
-    soles = [geom for side in SIDES for geom in mj.body(getattr(spec.feet, side).body).geoms if geom.contype or geom.conaffinity]
+    soles = [
+        geom
+        for side in SIDES
+        for geom in mj.body(getattr(spec.feet, side).body).geoms
+        if geom.contype or geom.conaffinity
+    ]
     sliding = float(soles[0].friction[0]) if friction is None else friction
     for sole in soles:
         sole.friction[0] = sliding
@@ -154,7 +161,7 @@ def _add_servos(mj: Any, spec: RobotSpec) -> dict[str, Servo]:  # noqa: ANN401 -
         servo = next((s for s in profile if any(fnmatchcase(joint.name, p) for p in s.joints)), None)
         if servo is None:
             where = f"servo_profiles.{spec.servo_profile}"
-            message = f"no servo for the joint '{joint.name}'; allowed: a pattern that matches each joint of the MJCF"
+            message = f"no servo for the joint '{joint.name}'; allowed: patterns that match every joint"
             raise InputError(Problem(str(spec.mjcf_path), 1, 1, where, message))
         actuator = mj.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
@@ -190,7 +197,12 @@ def _add_sensors(mj: Any, spec: RobotSpec) -> SensorLayout:  # noqa: ANN401 - Mj
     sensor(name="accelerometer", type=kind.mjSENS_ACCELEROMETER, objtype=site, objname=spec.imu)
     sensor(name="torso_up", type=kind.mjSENS_FRAMEZAXIS, objtype=body, objname=spec.torso)
     for name in (spec.torso, spec.feet.left.body, spec.feet.right.body):
-        sensor(name=f"{name}_position", type=kind.mjSENS_FRAMEPOS, objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=name)
+        sensor(
+            name=f"{name}_position",
+            type=kind.mjSENS_FRAMEPOS,
+            objtype=mujoco.mjtObj.mjOBJ_XBODY,
+            objname=name,
+        )
     return SensorLayout(cells=tuple(cells))
 
 

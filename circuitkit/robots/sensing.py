@@ -1,4 +1,4 @@
-"""What sensors say: places in `sensordata`, the channels that controllers read, and three estimates of the ZMP."""
+"""What sensors say: places in `sensordata`, the channels that controllers read, the centre of pressure."""
 
 from __future__ import annotations
 
@@ -127,16 +127,28 @@ def channels(layout: SensorLayout, cells_xy_m: Array, hip_offset_y_m: float) -> 
     metre, plain = parse_unit("m"), parse_unit("1")
     zmp_y = cells(cells_xy_m[:, 1] + side * hip_offset_y_m)
     every = [
-        Channel("zmp_x", metre, cells(cells_xy_m[:, 0]), total, "ZMP by the force cells, forward of the ankles"),
+        Channel(
+            "zmp_x", metre, cells(cells_xy_m[:, 0]), total, "ZMP by the force cells, forward of the ankles"
+        ),
         Channel("zmp_y", metre, zmp_y, total, "ZMP by the force cells, left of the middle between the feet"),
-        Channel("force_difference", plain, cells(side), total, "(left - right) / (left + right) of the cells"),
+        Channel(
+            "force_difference", plain, cells(side), total, "(left - right) / (left + right) of the cells"
+        ),
         Channel("load", parse_unit("N"), total, none, "sum of all force cells"),
     ]
     for axis, letter in enumerate("xyz"):
         every += [
             Channel(f"gyro_{letter}", parse_unit("rad/s"), one(layout.gyro, axis), none, "rate of the torso"),
-            Channel(f"acceleration_{letter}", parse_unit("m/s^2"), one(layout.accelerometer, axis), none, "IMU"),
-            Channel(f"com_velocity_{letter}", parse_unit("m/s"), one(layout.com_velocity, axis), none, "of the CoM"),
+            Channel(
+                f"acceleration_{letter}", parse_unit("m/s^2"), one(layout.accelerometer, axis), none, "IMU"
+            ),
+            Channel(
+                f"com_velocity_{letter}",
+                parse_unit("m/s"),
+                one(layout.com_velocity, axis),
+                none,
+                "of the CoM",
+            ),
         ]
     for axis, letter in enumerate("xy"):
         tilt = one(layout.torso_up, axis)
@@ -163,7 +175,9 @@ class Observer:
         chosen = [available[name] for name in names]
         self.names = tuple(names)
         self.units = tuple(channel.unit for channel in chosen)
-        rows = np.array([c.numerator for c in chosen] + [c.denominator for c in chosen]).reshape(-1, layout.width)
+        rows = np.array([c.numerator for c in chosen] + [c.denominator for c in chosen]).reshape(
+            -1, layout.width
+        )
         used = np.flatnonzero(rows.any(axis=0))
         self._columns = slice(int(used[0]), int(used[-1]) + 1) if len(used) else slice(0, 0)
         self._weights = np.ascontiguousarray(rows[:, self._columns])

@@ -1,4 +1,4 @@
-"""The robot file: which names of an MJCF are the robot's feet, joints and sensors, and how strong its servos are."""
+"""The robot file: which names of an MJCF are feet, joints and sensors, and how strong the servos are."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from pydantic import BeforeValidator, Field, PrivateAttr, field_validator, model
 from circuitkit.errors import UnknownNameError, listing, suggest
 from circuitkit.gait import LEG_JOINTS, LegGeometry
 from circuitkit.source import FileModel, read_yaml, validate_model
-from circuitkit.source.fields import Damping, Metres, Newtons, NewtonMetres, Radians, Stiffness
+from circuitkit.source.fields import Damping, Metres, NewtonMetres, Newtons, Radians, Stiffness
 
 _HERE = Path(__file__).parent
 FILE_NAME = "robot.yaml"
 
-Pair = Annotated[tuple[Metres, Metres], BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)]
+Pair = Annotated[
+    tuple[Metres, Metres], BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+]
 
 
 class Sole(FileModel):
@@ -66,9 +68,11 @@ class ForceCells(FileModel):
 
 
 class Servo(FileModel):
-    """A position servo: torque = stiffness (target - angle) - damping * velocity, up to the largest torque."""
+    """A position servo: torque = stiffness (target - angle) - damping * velocity, within +- torque."""
 
-    joints: tuple[str, ...] = Field(min_length=1, description="Names of joints, or beginnings or ends with a *.")
+    joints: tuple[str, ...] = Field(
+        min_length=1, description="Names of joints, or beginnings or ends with a *."
+    )
     stiffness: Stiffness = Field(gt=0)
     damping: Damping = Field(ge=0)
     torque: NewtonMetres = Field(gt=0, description="Largest torque.")
@@ -87,7 +91,9 @@ class Command(FileModel):
         for name in joints:
             if name not in LEG_JOINTS:
                 hint = suggest(name, LEG_JOINTS)
-                message = f"unknown joint '{name}'; allowed: {listing(LEG_JOINTS)}{'; ' if hint else ''}{hint}"
+                message = (
+                    f"unknown joint '{name}'; allowed: {listing(LEG_JOINTS)}{'; ' if hint else ''}{hint}"
+                )
                 raise ValueError(message)
         return joints
 
@@ -103,7 +109,9 @@ class RobotSpec(FileModel):
     feet: Feet
     legs: Legs
     joints: Mapping[str, str] = Field(description="Name in the MJCF of each joint of the legs.")
-    posture: Mapping[str, Radians] = Field(default={}, description="Angles of other joints, by their MJCF name.")
+    posture: Mapping[str, Radians] = Field(
+        default={}, description="Angles of other joints, by their MJCF name."
+    )
     force_cells: ForceCells
     servo_profile: str = Field(description="The profile in use.")
     servo_profiles: Mapping[str, tuple[Servo, ...]] = Field(min_length=1)
@@ -165,5 +173,5 @@ def load_robot(name_or_path: str | Path) -> RobotSpec:
             raise UnknownNameError(kind, path.name, shipped_robots())
         path = _HERE / path.name / FILE_NAME
     spec = validate_model(read_yaml(path), RobotSpec)
-    spec._folder = path.parent  # noqa: SLF001 - the spec's own factory
+    spec._folder = path.parent
     return spec

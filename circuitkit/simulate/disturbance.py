@@ -113,14 +113,15 @@ def push_start(push: Push, walk: Walk, number: int = 0) -> tuple[float, int]:
     ticks = np.flatnonzero((schedule.step == start.step) & (schedule.phase == phase))
     if len(ticks) == 0:
         last = int(schedule.step.max())
-        message = f"step {start.step} has no '{start.phase}' before the end; allowed: steps 0 to {last}, or a longer duration"
+        found = f"step {start.step} has no '{start.phase}' before the end"
+        message = f"{found}; allowed: steps 0 to {last}, or a longer duration"
         raise InputError(Problem("", 0, 0, f"pushes[{number}].start", message))
     dt = walk.gait.control_step
     return (ticks[0] + start.at * len(ticks)) * dt, int(schedule.support[ticks[0]])
 
 
 def _body_push(body: int, entries: list[tuple[int, float, float, Array]], batch: int, dt: float) -> BodyPush:
-    """Forces of each tick; where a push covers a part of a tick, that part of its force acts for all of it."""
+    """Forces of each tick; where a push covers a part of a tick, that part of its force acts all through."""
     first = int(min(start for _, start, _, _ in entries) / dt)
     last = int(np.ceil(max(end for _, _, end, _ in entries) / dt))
     begin = (first + np.arange(last - first + 1)) * dt
@@ -144,7 +145,9 @@ def fault_values(faults: Sequence[Fault], walk: Walk, robot: RobotModel) -> dict
             message = f"the robot has no force cell '{fault.cell}'; allowed: {', '.join(cells)}"
             raise InputError(Problem("", 0, 0, f"faults[{number}].cell", message))
         dt = walk.gait.control_step
-        for tick in range(round(fault.start / dt), min(round((fault.start + fault.duration) / dt), walk.ticks)):
+        for tick in range(
+            round(fault.start / dt), min(round((fault.start + fault.duration) / dt), walk.ticks)
+        ):
             row = factors.setdefault(tick, np.ones(len(cells)))
             row[cells.index(fault.cell)] = np.nan if fault.reading == "missing" else 0.0
     return factors

@@ -84,7 +84,9 @@ class _Recorder:
         self.fallen_tick = np.full(batch, -1)
 
 
-def run_loop(setup: Setup, progress: Callable[[int], object] | None = None, threads: int | None = None) -> Recording:
+def run_loop(
+    setup: Setup, progress: Callable[[int], object] | None = None, threads: int | None = None
+) -> Recording:
     """Walk all robots to the end, or until all have fallen, or until Ctrl-C, and record everything.
 
     Args:
@@ -183,4 +185,5 @@ class _Senses:
         np.minimum(self._cells, self._high, self._cells)
         if tick in self._factors:
             self._cells *= self._factors[tick]
-        return self._noisy
+        noisy: Array = self._noisy
+        return noisy

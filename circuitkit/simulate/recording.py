@@ -69,7 +69,7 @@ class Recording:
     @cached_property
     def time_s(self) -> Array:
         """End of each tick; shape (T,)."""
-        return (np.arange(self.ticks) + 1) * self.walk.gait.control_step
+        return np.arange(1.0, self.ticks + 1) * self.walk.gait.control_step
 
     def channel(self, name: str) -> Array:
         """A sensor channel without noise; shape (T, B), SI unit."""
@@ -81,7 +81,9 @@ class Recording:
     @cached_property
     def loads_n(self) -> Array:
         """Weight on each foot, left and right, from the contacts; shape (T, B, 2)."""
-        return np.stack([centre_of_pressure(self.readings, self.robot.layout, s)[1] for s in range(2)], axis=-1)
+        return np.stack(
+            [centre_of_pressure(self.readings, self.robot.layout, s)[1] for s in range(2)], axis=-1
+        )
 
     @cached_property
     def support(self) -> NDArray[np.int64]:
@@ -93,13 +95,15 @@ class Recording:
 
     @cached_property
     def centre_of_pressure_m(self) -> Array:
-        """Centre of pressure from the contacts, from the middle between the feet; shape (T, B, 2); with no load nan."""
+        """Centre of pressure by contacts, from the middle between the feet; shape (T, B, 2); nan in the air."""
         feet = np.stack([self.readings[..., self.robot.layout.foot(s)] for s in range(2)])
         points = np.stack([centre_of_pressure(self.readings, self.robot.layout, s)[0] for s in range(2)])
         loads = np.moveaxis(self.loads_n, -1, 0)
         weights = np.where(np.isfinite(points[..., 0]), loads, 0.0)
         total = weights.sum(axis=0)
-        mean = (np.nan_to_num(points) * weights[..., None]).sum(axis=0) / np.where(total > 0, total, np.nan)[..., None]
+        mean = (np.nan_to_num(points) * weights[..., None]).sum(axis=0) / np.where(total > 0, total, np.nan)[
+            ..., None
+        ]
         middle: Array = mean - feet[..., :2].mean(axis=0)
         return middle
 
@@ -201,7 +205,14 @@ class Recording:
 
 def _unit_of(column: str) -> str:
     """The unit that a column's name ends in."""
-    for ending, unit in (("_m_s", "m/s"), ("_rad_s", "rad/s"), ("_rad", "rad"), ("_m", "m"), ("_n", "N"), ("_s", "s")):
+    for ending, unit in (
+        ("_m_s", "m/s"),
+        ("_rad_s", "rad/s"),
+        ("_rad", "rad"),
+        ("_m", "m"),
+        ("_n", "N"),
+        ("_s", "s"),
+    ):
         if column.endswith(ending):
             return unit
     return "1"

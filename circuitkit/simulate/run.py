@@ -70,7 +70,9 @@ class Plan:
             controller=self.controller(controller),
             circuit=self.circuit,
             trials=tuple(trials),
-            fates=draw_fates(trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise.force_cells),
+            fates=draw_fates(
+                trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise.force_cells
+            ),
             cell_factors=fault_values(scenario.faults, self.walk, self.robot),
         )
 
@@ -173,7 +175,9 @@ def simulate(
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     name = controller or ("circuit" if circuit is not None else loaded.controller)
-    return _run(make_plan(loaded, circuit), name, push, seed, output, video=video, view=view, progress=progress)
+    return _run(
+        make_plan(loaded, circuit), name, push, seed, output, video=video, view=view, progress=progress
+    )
 
 
 def compare(

@@ -72,7 +72,9 @@ class SensorNoise(FileModel):
 class Jitter(FileModel):
     """What differs from seed to seed beside the noise."""
 
-    push_start: Seconds = Field(default=0.0, ge=0, description="Pushes begin up to this much earlier or later.")
+    push_start: Seconds = Field(
+        default=0.0, ge=0, description="Pushes begin up to this much earlier or later."
+    )
     base_velocity: MetresPerSecond = Field(
         default=0.0, ge=0, description="Standard deviation of the torso's velocity at first."
     )
@@ -100,7 +102,9 @@ class Scenario(FileModel):
     scenario: str = Field(description="Name.")
     description: str = ""
     robot: str = Field(description="A shipped robot, or the path of a robot.yaml.")
-    servo_profile: str | None = Field(default=None, description="A servo profile of the robot; its own if absent.")
+    servo_profile: str | None = Field(
+        default=None, description="A servo profile of the robot; its own if absent."
+    )
     gait: str = Field(description="A shipped gait, or the path of a gait file.")
     controller: str = Field(default="circuit", description="open_loop or circuit.")
     circuit: str = Field(description="The circuit of the controller named circuit: a shipped one or a path.")
@@ -139,7 +143,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     """
     path = find_data_file(name_or_path, _FOLDER)
     scenario = validate_model(read_yaml(path), Scenario)
-    scenario._folder = path.parent  # noqa: SLF001 - the scenario's own factory
+    scenario._folder = path.parent
     return scenario
 
 
@@ -162,7 +166,10 @@ def parse_push(text: str, scenario: Scenario) -> Push:
             quantity = parse_quantity(part)
         except UnitError as error:
             raise InputError(Problem("", 0, 0, f"--push: {key}", str(error))) from error
-        if quantity.dimension.si_symbol != parse_quantity(f"1 {unit}").dimension.si_symbol or quantity.value_si <= 0:
+        if (
+            quantity.dimension.si_symbol != parse_quantity(f"1 {unit}").dimension.si_symbol
+            or quantity.value_si <= 0
+        ):
             message = f"found '{part}'; allowed: more than 0, in a unit like {unit}"
             raise InputError(Problem("", 0, 0, f"--push: {key}", message))
         values.append(quantity.value_si)

@@ -23,8 +23,8 @@ class Verdict:
     Attributes:
         survived: Whether it stood at the end.
         time_of_fall_s: When it leaned by more than 45 degrees; None if it did not.
-        max_zmp_excursion_m: How far the ZMP was outside the circuit's thresholds after the push began, at most;
-            0 if it never was.
+        max_zmp_excursion_m: How far the ZMP was outside the circuit's thresholds after the push began, at
+            most; 0 if it never was.
         recovery_time_s: From the first time outside to being back inside; None if it never was outside, or
             never came back.
     """
@@ -55,7 +55,9 @@ def threshold_lines(circuit: CircuitGraph, thresholds: Thresholds) -> Array:
             neuron = neurons.get(name)
             if neuron is None or name not in weights or "shift" not in neuron.parameters:
                 allowed = [n for n in weights if "shift" in neurons[n].parameters]
-                found = f"'{name}', which is no neuron of '{circuit.name}' with a shift and an input '{thresholds.channel}'"
+                found = (
+                    f"'{name}': no neuron of '{circuit.name}' with a shift that reads '{thresholds.channel}'"
+                )
                 message = f"found {found}; allowed: {listing(allowed)}"
                 raise InputError(Problem("", 0, 0, f"thresholds.{part}", message, suggest(name, allowed)))
             lines[i, j] = neuron.parameters["shift"] / weights[name]

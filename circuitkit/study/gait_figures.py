@@ -22,8 +22,8 @@ class GaitFigures:
 
     Attributes:
         fell: Whether the robot fell.
-        inside_15mm: Part of the time in which one foot carries more than 95 % of the weight, in which the centre
-            of pressure is at least 15 mm inside that sole's edges, sideways.
+        inside_15mm: Of the time in which one foot carries more than 95 % of the weight, the part in which the
+            centre of pressure is at least 15 mm inside that sole's edges, sideways.
         inside_10mm: The same for 10 mm.
         margin_5pct_m: What the distance to the edge exceeds in 95 % of that time.
         swing_free: Part of single support in which the swing foot carries less than 5 % of the weight.

@@ -1,6 +1,6 @@
 """The largest push that a walk survives, under several controllers: the table of the README.
 
-A force counts as survived if the robot stands in the runs of all seeds, and so it does at every smaller force.
+A force counts as survived if the robot stands in the runs of all seeds, at it and at every smaller one.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-
 
 from circuitkit.gait.lipm import dcm, largest_push_force
 from circuitkit.simulate import Plan, Push, Scenario, make_plan
@@ -33,7 +32,9 @@ class PushKind:
     duration_s: float
 
 
-PUSH_KINDS = tuple(PushKind(direction, duration) for direction in ("outward", "inward") for duration in (0.1, 0.2, 0.4))
+PUSH_KINDS = tuple(
+    PushKind(direction, duration) for direction in ("outward", "inward") for duration in (0.1, 0.2, 0.4)
+)
 
 
 def plan_for_pushes(scenario: Scenario, gait: str, circuit: str | None = None) -> Plan:
@@ -81,8 +82,8 @@ def largest_survived(
         trials = [
             Trial(seed, (_push(plan, kind, number * grid_n),)) for kind, number in cases for seed in seeds
         ]
-        stood = run_to_see_who_stands(plan.setup(controller, trials)).reshape(len(cases), len(seeds)).all(axis=1)
-        survived = {case: bool(ok) for case, ok in zip(cases, stood, strict=True)}
+        stood = run_to_see_who_stands(plan.setup(controller, trials)).reshape(len(cases), len(seeds))
+        survived = {case: bool(stood[i].all()) for i, case in enumerate(cases)}
         for kind in list(going):
             start = limit[kind]
             for number in range(start + 1, start + _BLOCK + 1):
@@ -103,8 +104,8 @@ def _push(plan: Plan, kind: PushKind, force_n: float) -> Push:
 def dcm_bounds(plan: Plan, kinds: Sequence[PushKind] = PUSH_KINDS) -> dict[PushKind, float]:
     """What no ankle controller can exceed: the DCM must stay where the feet reach while the push lasts.
 
-    The DCM at the start of the push comes from an undisturbed run. Outward it may not pass the outer edge of the
-    foot that carries; inward, since the other foot catches the body, that of the other foot.
+    The DCM at the start of the push comes from an undisturbed run. Outward it may not pass the outer edge of
+    the foot that carries; inward, since the other foot catches the body, that of the other foot.
 
     Returns:
         Newtons for each kind.
