@@ -44,6 +44,9 @@ class Kernel(Protocol):
     def store(self, state: State) -> None:
         """Write the state into the arrays of another one."""
 
+    def store_output(self, output: FloatArray) -> None:
+        """Write the neurons' outputs alone into an array of shape (B, n_neurons)."""
+
 
 class KernelMaker(Protocol):
     """Makes kernels; what a backend module must have under the name `make_kernel`."""

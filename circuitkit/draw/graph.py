@@ -1,0 +1,129 @@
+"""`draw_circuit`: the network as a picture that one would print, in any of five formats."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.draw.dot import dot_text
+from circuitkit.draw.layout import Layout, layout_circuit
+from circuitkit.draw.legend import Legend, make_legend
+from circuitkit.draw.marks import add_line, add_node, add_text
+from circuitkit.draw.page import add_tooltips, html_page, tooltips
+from circuitkit.draw.routing import Route
+from circuitkit.draw.style import (
+    INK,
+    KIND_COLOUR,
+    PAPER,
+    SMALL,
+    house_style,
+    new_figure,
+    require_suffix,
+    save_figure,
+)
+from circuitkit.files import write_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MARGIN = 10.0
+_POINTS_PER_INCH = 72.0
+_LEGEND_GAP = 16.0
+
+
+def draw_circuit(graph: CircuitGraph, path: str | Path) -> None:
+    """Draw a circuit: layers from left to right, arrows excite, bars inhibit, arcs go back inside a cycle.
+
+    Args:
+        graph: The circuit.
+        path: Where the picture goes; the suffix chooses the format: .png, .svg, .pdf, .dot (for Graphviz), or
+            .html (a page of its own with the details of every node and line under the pointer).
+
+    Raises:
+        InputError: Another suffix.
+        OutputError: The file cannot be written.
+    """
+    write = _WRITERS[require_suffix(path, tuple(_WRITERS))]
+    write(graph, Path(path))
+
+
+def circuit_figure(graph: CircuitGraph) -> Figure:
+    """The picture as a matplotlib figure, as large as the circuit asks for."""
+    layout = layout_circuit(graph)
+    legend = make_legend(layout)
+    width = max(layout.width, legend.width) + 2 * _MARGIN
+    height = layout.height + _LEGEND_GAP + legend.height + 2 * _MARGIN
+    with house_style():
+        figure = new_figure(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        axes.set_axis_off()
+        axes.set(xlim=(0.0, width), ylim=(height, 0.0))
+        left = (width - layout.width) / 2
+        _paint(axes, layout, (left, _MARGIN))
+        legend_at = ((width - legend.width) / 2, _MARGIN + layout.height + _LEGEND_GAP)
+        _paint_legend(axes, legend, legend_at)
+    return figure
+
+
+def _paint(axes: Axes, layout: Layout, shift: tuple[float, float]) -> None:
+    by_source: dict[tuple[str, str], list[Route]] = {}
+    for route in layout.routes:
+        by_source.setdefault((route.link.source, route.link.way), []).append(route)
+    # Each source's lines get one white rim together, so that crossings read as bridges and forks stay whole.
+    for level, routes in enumerate(by_source.values()):
+        for route in routes:
+            add_line(axes, route, shift, 2.0 + 0.01 * level)
+    for node in layout.nodes.values():
+        add_node(axes, node, shift)
+    for label in layout.labels:
+        x, y = label.box.x + shift[0], label.box.y + shift[1]
+        colour = KIND_COLOUR[label.link.kind]
+        pad = {"boxstyle": "square,pad=0.12", "facecolor": PAPER, "edgecolor": "none"}
+        add_text(axes, (x, y), label.text, SMALL, colour, zorder=5.0, bbox=pad)
+
+
+def _paint_legend(axes: Axes, legend: Legend, shift: tuple[float, float]) -> None:
+    for node in legend.nodes:
+        add_node(axes, node, shift)
+    for route in legend.routes:
+        add_line(axes, route, shift, 2.0)
+    for x, y, text in legend.texts:
+        add_text(axes, (x + shift[0], y + shift[1]), text, SMALL, INK, horizontalalignment="left")
+
+
+def svg_text(graph: CircuitGraph) -> str:
+    """The picture as SVG, with the details of every node and line as its tooltip."""
+    figure = circuit_figure(graph)
+    buffer = io.BytesIO()
+    with house_style():
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return add_tooltips(buffer.getvalue().decode("utf-8"), tooltips(graph))
+
+
+def _write_picture(graph: CircuitGraph, path: Path) -> None:
+    save_figure(circuit_figure(graph), path)
+
+
+def _write_svg(graph: CircuitGraph, path: Path) -> None:
+    write_text(path, svg_text(graph))
+
+
+def _write_html(graph: CircuitGraph, path: Path) -> None:
+    write_text(path, html_page(graph, svg_text(graph)))
+
+
+def _write_dot(graph: CircuitGraph, path: Path) -> None:
+    write_text(path, dot_text(graph))
+
+
+_WRITERS: Mapping[str, Callable[[CircuitGraph, Path], None]] = {
+    ".png": _write_picture,
+    ".svg": _write_svg,
+    ".pdf": _write_picture,
+    ".dot": _write_dot,
+    ".html": _write_html,
+}

@@ -1,0 +1,75 @@
+"""Lanes above or below a node for the links that go back, and the ports where they meet it.
+
+Ports run from right to left and lanes from the node outwards, in the same order: first the loop of a neuron
+to itself, then what comes in, then what goes out. So what comes from the right never crosses its neighbours.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from circuitkit.draw.layers import Layers, Link
+from circuitkit.draw.routing import End
+from circuitkit.draw.shapes import Box
+
+_FIRST, _NEXT = 20.0, 9.0  # distance of lanes from their node and from each other, [pt]
+_PORT = 10.0  # distance of ports, [pt]
+_LOOP_PORTS = 2
+
+
+class Lanes:
+    """The lanes of all nodes.
+
+    Attributes:
+        side: -1 if the lanes of a node lie above it, 1 if below: outwards from the middle of its layer.
+    """
+
+    def __init__(self, layers: Layers) -> None:
+        self.side: dict[str, int] = {}
+        for layer in layers.order:
+            names = [item for item in layer if isinstance(item, str)]
+            self.side |= {name: -1 if 2 * i < len(names) else 1 for i, name in enumerate(names)}
+        back = [link for link in layers.links if link.backward]
+        self._arriving: dict[Link, tuple[int, int]] = {}  # lane and port
+        self._leaving: dict[str, tuple[int, int]] = {}
+        self._lanes: Counter[str] = Counter()
+        self._ports: Counter[str] = Counter()
+        self._add_arriving(link for link in back if link.source == link.target)
+        self._add_arriving(link for link in back if link.source != link.target)
+        for link in back:
+            if link.source != link.target and link.source not in self._leaving:
+                self._leaving[link.source] = self._take(link.source, 1)
+
+    def _add_arriving(self, links: Iterable[Link]) -> None:
+        for link in links:
+            loop = link.source == link.target
+            self._arriving[link] = self._take(link.target, _LOOP_PORTS if loop else 1)
+            self._lanes[link.target] += loop and abs(link.weight) != 1.0  # room for its label
+
+    def _take(self, name: str, ports: int) -> tuple[int, int]:
+        """The next lane and the last of the next ports of a node."""
+        lane = self._lanes[name]
+        self._lanes[name] += 1
+        self._ports[name] += ports
+        return lane, self._ports[name] - 1
+
+    def width(self, name: str) -> float:
+        """How wide a node must be for its ports, [pt]."""
+        return _PORT * self._ports[name] + 8.0
+
+    def reach(self, name: str) -> float:
+        """How far beyond the node its lanes reach, [pt]."""
+        return _FIRST + _NEXT * (self._lanes[name] - 1) + 2.0 if self._lanes[name] else 0.0
+
+    def ends(self, link: Link, source: tuple[Box, str], target: tuple[Box, str]) -> tuple[End, End]:
+        """Where a link that goes back leaves and arrives; nodes are given by their box and shape."""
+        lane, port = self._arriving[link]
+        out = (lane, port - 1) if link.source == link.target else self._leaving[link.source]
+        return self._end(link.source, source, out), self._end(link.target, target, (lane, port))
+
+    def _end(self, name: str, node: tuple[Box, str], place: tuple[int, int]) -> End:
+        (box, shape), (lane, port) = node, place
+        offset = _PORT * ((self._ports[name] - 1) / 2 - port)
+        height = box.y + self.side[name] * (box.height / 2 + _FIRST + _NEXT * lane)
+        return End(box, shape, offset, self.side[name], height)

@@ -1,0 +1,139 @@
+"""The marks of a drawing on matplotlib axes: nodes, lines with their heads, text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from circuitkit.draw.layout import NodeBox
+from circuitkit.draw.routing import Route
+from circuitkit.draw.shapes import Outline, Point, capsule, octagon, rectangle, tag
+from circuitkit.draw.style import (
+    EXCITATORY,
+    GREY,
+    INHIBITORY,
+    INK,
+    KIND_COLOUR,
+    NORMAL,
+    PAPER,
+    ROLE_FILL,
+    SMALL,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.path import Path
+
+_OUTLINES = {"capsule": capsule, "octagon": octagon, "rectangle": rectangle, "tag": tag}
+_ROLE_RIM = {"input": GREY, "excitatory": EXCITATORY, "inhibitory": INHIBITORY, "output": INK}
+_WIDTH = 1.3
+_RIM = 1.6  # white beside a line that crosses another one
+_HEAD_LENGTH, _HEAD_HALF, _BAR_HALF, _OPEN_HALF = 7.5, 3.2, 4.6, 3.4
+
+
+def node_id(name: str) -> str:
+    """Identifier of a node in an SVG."""
+    return f"node-{name}"
+
+
+def line_id(source: str, target: str) -> str:
+    """Identifier of a line in an SVG."""
+    return f"line-{source}-{target}"
+
+
+def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
+    """A node with its text."""
+    from matplotlib.patches import PathPatch
+
+    x, y = node.box.x + shift[0], node.box.y + shift[1]
+    outline = _OUTLINES[node.shape](node.box.width, node.box.height)
+    patch = PathPatch(
+        _path(outline, (x, y)),
+        facecolor=ROLE_FILL[node.role],
+        edgecolor=_ROLE_RIM[node.role],
+        linewidth=1.2,
+        zorder=4.0,
+    )
+    patch.set_gid(node_id(node.name))
+    axes.add_patch(patch)
+    sizes = [NORMAL, *([SMALL] * (len(node.lines) - 1))]
+    colours = [INK, *([GREY] * (len(node.lines) - 1))]
+    total = sum(sizes) + 0.35 * SMALL * (len(sizes) - 1)
+    if node.shape == "tag":
+        x -= 3.0
+    line_y = y - total / 2
+    for text, size, colour in zip(node.lines, sizes, colours, strict=True):
+        add_text(axes, (x, line_y + size / 2), text, size, colour, zorder=4.5)
+        line_y += size + 0.35 * SMALL
+
+
+def add_text(axes: Axes, at: Point, text: str, size: float, colour: str, **more: Any) -> None:  # noqa: ANN401 - whatever `Axes.text` takes
+    """A line of text around a point, or to the right of it if asked; what stands in it is no formula."""
+    align = {"horizontalalignment": "center", "verticalalignment": "center_baseline"}
+    axes.text(*at, text, fontsize=size, color=colour, parse_math=False, **(align | more))
+
+
+def add_line(axes: Axes, route: Route, shift: Point, zorder: float) -> None:
+    """A line on a white rim, with the head of its kind."""
+    from matplotlib.patches import PathPatch
+
+    colour = KIND_COLOUR[route.link.kind]
+    line = Outline(_shortened(route), route.codes)
+    path = _path(line, shift)
+    rim = PathPatch(
+        path, fill=False, edgecolor=PAPER, linewidth=_WIDTH + 2 * _RIM, capstyle="butt", zorder=zorder
+    )
+    stroke = PathPatch(
+        path,
+        fill=False,
+        edgecolor=colour,
+        linewidth=_WIDTH,
+        capstyle="butt",
+        joinstyle="round",
+        zorder=zorder + 0.005,
+    )
+    stroke.set_gid(line_id(route.link.source, route.link.target))
+    axes.add_patch(rim)
+    axes.add_patch(stroke)
+    for outline, style in _head(route):
+        axes.add_patch(PathPatch(_path(outline, shift), zorder=4.2, **style))
+
+
+def _head(route: Route) -> list[tuple[Outline, dict[str, Any]]]:
+    """Excitatory and readout: a filled arrow; inhibitory: a bar; sensorial: an open arrow."""
+    colour = KIND_COLOUR[route.link.kind]
+    (x, y), (ux, uy) = route.tip, route.heading
+
+    def at(along: float, across: float) -> Point:
+        return x + along * ux - across * uy, y + along * uy + across * ux
+
+    if route.link.kind == "inhibitory":
+        bar = Outline((at(-1.9, -_BAR_HALF), at(-1.9, _BAR_HALF)), "ML")
+        return [(bar, {"fill": False, "edgecolor": colour, "linewidth": 2.4, "capstyle": "butt"})]
+    if route.link.kind == "sensorial":
+        ends = (at(-5.2, -_OPEN_HALF), at(-0.8, 0.0), at(-5.2, _OPEN_HALF))
+        style = {
+            "fill": False,
+            "edgecolor": colour,
+            "linewidth": _WIDTH,
+            "capstyle": "round",
+            "joinstyle": "miter",
+        }
+        return [(Outline(ends, "MLL"), style)]
+    tip = at(-0.6, 0.0)
+    base = (at(-_HEAD_LENGTH, -_HEAD_HALF), at(-_HEAD_LENGTH, _HEAD_HALF))
+    return [(Outline((tip, *base, tip), "MLLL"), {"facecolor": colour, "edgecolor": "none"})]
+
+
+def _shortened(route: Route) -> tuple[Point, ...]:
+    """The points of a line that ends inside its head, which hides the end."""
+    inside = {"inhibitory": 2.0, "sensorial": 1.5}.get(route.link.kind, _HEAD_LENGTH - 1.0)
+    (x, y), (ux, uy) = route.tip, route.heading
+    return (*route.points[:-1], (x - inside * ux, y - inside * uy))
+
+
+def _path(outline: Outline, shift: Point) -> Path:
+    from matplotlib.path import Path
+
+    letters = {"M": Path.MOVETO, "L": Path.LINETO, "C": Path.CURVE4}
+    points = [(x + shift[0], y + shift[1]) for x, y in outline.points]
+    return Path(points, [letters[code] for code in outline.codes])

@@ -1,0 +1,120 @@
+"""Details under the pointer: tooltips in an SVG, and a page of its own around it."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Mapping
+
+from circuitkit.circuit.graph import CircuitGraph, Neuron
+from circuitkit.draw.labels import weight_text
+from circuitkit.draw.layers import make_layers
+from circuitkit.draw.marks import line_id, node_id
+from circuitkit.draw.style import number
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>
+body {{ font: 15px/1.45 system-ui, sans-serif; color: #222; background: #fff; margin: 2rem auto;
+  max-width: 75rem; padding: 0 1rem; }}
+h1 {{ font-size: 1.3rem; margin: 0 0 .2rem; }}
+p {{ margin: 0 0 1rem; color: #555; }}
+svg {{ width: 100%; height: auto; max-height: 78vh; }}
+svg g[data-ends] {{ transition: opacity .12s; }}
+svg.asked g[data-ends]:not(.near) {{ opacity: .12; }}
+#details {{ min-height: 4.5em; white-space: pre-line; border-top: 1px solid #ddd; padding-top: .6rem; }}
+</style>
+</head>
+<body>
+<h1>{title}</h1>
+<p>{description}</p>
+{svg}
+<div id="details">Point at a node or a line for its details.</div>
+<script>
+const svg = document.querySelector("svg"), details = document.getElementById("details");
+const marks = [...svg.querySelectorAll("g[data-ends]")];
+for (const mark of marks) {{
+  const mine = mark.dataset.ends.split(" ");
+  mark.addEventListener("pointerenter", () => {{
+    svg.classList.add("asked");
+    for (const other of marks) {{
+      const ends = other.dataset.ends.split(" ");
+      const near = mine.length > 1 ? other === mark || (ends.length === 1 && mine.includes(ends[0]))
+        : other === mark || (ends.length > 1 && ends.includes(mine[0]));
+      other.classList.toggle("near", near);
+    }}
+    details.textContent = mark.querySelector("title").textContent;
+  }});
+  mark.addEventListener("pointerleave", () => svg.classList.remove("asked"));
+}}
+</script>
+</body>
+</html>
+"""
+
+
+def tooltips(graph: CircuitGraph) -> dict[str, tuple[str, str]]:
+    """For every node and line its ends (names, joined by a space) and its details, by its identifier."""
+    found = {}
+    for node in graph.inputs:
+        span = f"from {node.unit.from_si(node.low):g} to {node.unit.from_si(node.high):g}"
+        found[node_id(node.name)] = (
+            node.name,
+            _joined(f"{node.name}: input [{node.unit}], {span}", node.description),
+        )
+    for neuron in graph.neurons:
+        found[node_id(neuron.name)] = (neuron.name, _neuron(neuron))
+    for output in graph.outputs:
+        grows = "" if output.leak is None else f"; summed up, leak {number(100 * output.leak)} % a step"
+        head = f"{output.name}: output [{output.unit}]{grows}"
+        found[node_id(output.name)] = (output.name, _joined(head, output.description))
+    for link in make_layers(graph).links:
+        way = ", goes back in a cycle" if link.backward else ""
+        head = f"{link.source} to {link.target}: {link.kind}, weight {weight_text(graph, link)}{way}"
+        found[line_id(link.source, link.target)] = (f"{link.source} {link.target}", head)
+    return found
+
+
+def _neuron(neuron: Neuron) -> str:
+    rules = {parameter.name: parameter.unit_rule for parameter in neuron.model.parameters}
+    unit = neuron.activation_unit
+    scales = {
+        "activation": (1 / unit.scale, f" {unit}"),
+        "1/activation": (unit.scale, f" /{unit}"),
+        "1": (1.0, ""),
+    }
+    values = []
+    for name, value in neuron.parameters.items():
+        scale, symbol = scales[rules[name]]
+        values.append(f"{name} {number(value * scale)}{symbol if unit.symbol != '1' else ''}")
+    head = f"{neuron.name}: {neuron.role}, {neuron.model.name}"
+    return _joined(head, neuron.description, ", ".join(values), f"output = {neuron.model.output}")
+
+
+def _joined(*parts: str) -> str:
+    return "\n".join(part for part in parts if part)
+
+
+def add_tooltips(svg: str, texts: Mapping[str, tuple[str, str]]) -> str:
+    """Give the groups of an SVG that have one of these identifiers a title and the names of their ends."""
+
+    def titled(match: re.Match[str]) -> str:
+        if html.unescape(match[1]) not in texts:
+            return match[0]
+        ends, text = texts[html.unescape(match[1])]
+        return f'<g id="{match[1]}" data-ends="{html.escape(ends)}"><title>{html.escape(text)}</title>'
+
+    return re.sub(r'<g id="([^"]+)">', titled, svg)
+
+
+def html_page(graph: CircuitGraph, svg: str) -> str:
+    """A page of its own: the picture, and the details of what the pointer is on. It loads nothing."""
+    return _PAGE.format(
+        title=html.escape(graph.name),
+        description=html.escape(graph.description),
+        svg=svg[svg.index("<svg") :],
+    )

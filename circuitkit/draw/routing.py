@@ -1,0 +1,220 @@
+"""Lines between the nodes: level where they pass a column, curved in the gaps between columns.
+
+So no line meets a node that it does not belong to, whatever the circuit: in a column every line has a height
+of its own that `place_vertically` keeps free, and in a gap there are no nodes. A link that goes back inside a
+cycle leaves at the top or bottom of its source and comes in at the top or bottom of its target, in lanes that
+belong to the two nodes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TypeAlias, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from circuitkit.draw.layers import Link
+from circuitkit.draw.shapes import Box, Point, inset
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+_Key = TypeVar("_Key", bound=Hashable)
+HEAD = 8.0  # length of an arrow head, [pt]
+_TURN = 10.0
+_STEP = 2.0
+_TINY = 1e-6  # shorter pieces of a line are left out, [pt]
+
+
+@dataclass(frozen=True)
+class Column:
+    """The part of the width that a layer takes, [pt]."""
+
+    left: float
+    right: float
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a link meets a node.
+
+    Attributes:
+        box: The node.
+        shape: Its outline, see `inset`.
+        offset: Along the side where the link meets it, from its middle, [pt].
+        side: 0 for the left or right side, -1 for the upper, 1 for the lower side.
+        lane: Height of the lane if it meets the upper or lower side, [pt].
+    """
+
+    box: Box
+    shape: str
+    offset: float = 0.0
+    side: int = 0
+    lane: float = 0.0
+
+    @property
+    def x(self) -> float:
+        """Where a link from above or below meets the node, [pt]."""
+        return self.box.x + self.offset
+
+    @property
+    def rim(self) -> float:
+        """Height of the outline where a link from above or below meets it, [pt]."""
+        edge = self.box.height / 2 - inset(self.shape, self.box, self.offset, vertical=True)
+        return self.box.y + self.side * edge
+
+
+@dataclass(frozen=True)
+class Route:
+    """The line of a link.
+
+    Attributes:
+        link: What it stands for.
+        points: Points of the line up to the tip, y downwards, [pt].
+        codes: One letter a point: M move, L line, C cubic curve.
+        heading: Direction in which it arrives, a unit vector.
+    """
+
+    link: Link
+    points: tuple[Point, ...]
+    codes: str
+    heading: Point
+
+    @property
+    def tip(self) -> Point:
+        """Where it meets the target, [pt]."""
+        return self.points[-1]
+
+    @cached_property
+    def polyline(self) -> FloatArray:
+        """Points on the line about 2 pt apart, shape (n, 2), [pt]."""
+        points = np.array(self.points)
+        pieces = [points[:1]]
+        i = 1
+        while i < len(points):
+            count = 3 if self.codes[i] == "C" else 1
+            pieces.append(_trace(points[i - 1 : i + count]))
+            i += count
+        return np.concatenate(pieces)
+
+
+def _trace(corners: FloatArray) -> FloatArray:
+    """Points on a Bezier curve of any degree, without the first one (de Casteljau)."""
+    count = max(1, math.ceil(np.hypot(*np.diff(corners, axis=0).T).sum() / _STEP))
+    t = np.arange(1, count + 1)[:, np.newaxis] / count
+    rows = [np.broadcast_to(corner, (count, 2)) for corner in corners]
+    while len(rows) > 1:
+        rows = [(1 - t) * one + t * other for one, other in pairwise(rows)]
+    return rows[0]
+
+
+class _Pen:
+    """Collects the points of a line."""
+
+    def __init__(self, x: float, y: float) -> None:
+        self.points: list[Point] = [(x, y)]
+        self.codes = "M"
+
+    def line(self, x: float, y: float) -> None:
+        if math.dist(self.points[-1], (x, y)) > _TINY:
+            self.points.append((x, y))
+            self.codes += "L"
+
+    def curve(self, *points: Point) -> None:
+        self.points += points
+        self.codes += "CCC"
+
+    def swing(self, x: float, y: float) -> None:
+        """A curve to (x, y) that is level at both ends."""
+        x0, y0 = self.points[-1]
+        if abs(y - y0) < _TINY:
+            self.line(x, y)
+        else:
+            middle = (x0 + x) / 2
+            self.curve((middle, y0), (middle, y), (x, y))
+
+    def turn(self, corner: Point, end: Point) -> None:
+        """A quarter of a circle to `end`, around the inside of `corner`."""
+        start = self.points[-1]
+        first = (start[0] + 0.55 * (corner[0] - start[0]), start[1] + 0.55 * (corner[1] - start[1]))
+        second = (end[0] + 0.55 * (corner[0] - end[0]), end[1] + 0.55 * (corner[1] - end[1]))
+        self.curve(first, second, end)
+
+    def route(self, link: Link, heading: Point) -> Route:
+        return Route(link, tuple(self.points), self.codes, heading)
+
+
+def forward_route(
+    link: Link,
+    source: End,
+    target: End,
+    bends: Sequence[tuple[int, float]],
+    columns: Sequence[Column],
+    layers: tuple[int, int],
+) -> Route:
+    """From the right side of the source to the left side of the target.
+
+    Args:
+        link: The link.
+        source: Where it leaves.
+        target: Where it arrives.
+        bends: Layer and height of every bend between.
+        columns: All columns.
+        layers: Those of source and target.
+    """
+    start = source.box.y + source.offset
+    pen = _Pen(source.box.right - inset(source.shape, source.box, source.offset, vertical=False), start)
+    pen.line(columns[layers[0]].right, start)
+    for layer, height in bends:
+        pen.swing(columns[layer].left, height)
+        pen.line(columns[layer].right, height)
+    height = target.box.y + target.offset
+    pen.swing(columns[layers[1]].left - HEAD, height)
+    pen.line(target.box.left + inset(target.shape, target.box, target.offset, vertical=False), height)
+    return pen.route(link, (1.0, 0.0))
+
+
+def backward_route(
+    link: Link,
+    source: End,
+    target: End,
+    bends: Sequence[tuple[int, float]],
+    columns: Sequence[Column],
+    layers: tuple[int, int],
+) -> Route:
+    """From the top or bottom of the source, to the left, to that of the target; see `forward_route`."""
+    pen = _Pen(source.x, source.rim)
+    radius = (source.x - target.x) / 2 if link.source == link.target else _TURN
+    pen.line(source.x, source.lane - source.side * radius)
+    pen.turn((source.x, source.lane), (source.x - radius, source.lane))
+    if link.source == link.target:
+        return _come_in(pen, link, target, radius)
+    pen.line(columns[layers[0]].left, source.lane)
+    if layers[0] == layers[1]:
+        x = columns[layers[0]].left
+        bulge = min(24.0, 8.0 + 0.25 * abs(source.lane - target.lane))
+        pen.curve((x - bulge, source.lane), (x - bulge, target.lane), (x, target.lane))
+        return _come_in(pen, link, target, -_TURN)
+    for layer, height in bends:
+        pen.swing(columns[layer].right, height)
+        pen.line(columns[layer].left, height)
+    pen.swing(columns[layers[1]].right, target.lane)
+    return _come_in(pen, link, target, _TURN)
+
+
+def _come_in(pen: _Pen, link: Link, target: End, radius: float) -> Route:
+    """Along the target's lane from the right (from the left if `radius` is negative), then onto the node."""
+    x = target.x
+    pen.line(x + radius, target.lane)
+    pen.turn((x, target.lane), (x, target.lane - target.side * abs(radius)))
+    pen.line(x, target.rim)
+    return pen.route(link, (0.0, -float(target.side)))
+
+
+def ports(heights: Mapping[_Key, float], spacing: float) -> dict[_Key, float]:
+    """Offsets along one side of a node, in the order of where the lines go to or come from, [pt]."""
+    ordered = sorted(heights, key=lambda key: heights[key])
+    return {key: spacing * (i - (len(ordered) - 1) / 2) for i, key in enumerate(ordered)}

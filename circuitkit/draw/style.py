@@ -1,0 +1,116 @@
+"""Colours, type and axes of every picture, and how a picture becomes a file.
+
+The colours differ in lightness as much as in hue, so that they stay apart in grey and for the colour-blind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from circuitkit.errors import InputError, Problem, suggest
+from circuitkit.files import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FONT = "DejaVu Sans"  # comes with matplotlib, so that pictures are the same everywhere
+NORMAL, SMALL = 9.0, 7.5  # sizes of type, [pt]
+INK, GREY, PALE, PAPER = "#222222", "#666666", "#d9d9d9", "#ffffff"
+EXCITATORY, INHIBITORY, SENSORIAL, READOUT = "#2783bf", "#8c1510", "#6d6d6d", "#222222"
+KIND_COLOUR = {
+    "excitatory": EXCITATORY,
+    "inhibitory": INHIBITORY,
+    "sensorial": SENSORIAL,
+    "readout": READOUT,
+}
+ROLE_FILL = {"input": "#f1f1f1", "excitatory": "#dcebf7", "inhibitory": "#f0c9bd", "output": "#fbf3d0"}
+CYCLE = (EXCITATORY, INHIBITORY, "#e6a100", "#3a7d44", "#7b4fa0", "#555555")  # for curves in one axes
+DASHES = ("-", "--", "-.", ":")
+_DPI = 200
+_MAX_PIXELS = 12000
+PICTURES = (".png", ".svg", ".pdf")
+
+_RC: Any = {  # matplotlib has a type for these keys, of several pages
+    "font.family": FONT,
+    "font.size": NORMAL,
+    "axes.titlesize": NORMAL,
+    "axes.labelsize": SMALL + 0.5,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
+    "legend.fontsize": SMALL,
+    "mathtext.fontset": "dejavusans",
+    "axes.unicode_minus": True,
+    "svg.hashsalt": "circuitkit",  # the same picture is the same file
+    "pdf.fonttype": 42,
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Matplotlib's settings for our pictures, inside the block only; figures are made and saved in it."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_RC):
+        yield
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """An empty figure of its own, unknown to pyplot, [in]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def tidy(axes: Axes, *, grid: bool = True) -> None:
+    """Axes with two thin sides, small ticks and, if wanted, a pale grid behind."""
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set(color=GREY, linewidth=0.7)
+    axes.tick_params(color=GREY, labelcolor=INK, width=0.7, length=2.5)
+    axes.set_axisbelow(True)
+    if grid:
+        axes.grid(color=PALE, linewidth=0.5)
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number as one prints it: four digits, a real minus, no `1e+03`."""
+    text = f"{value:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}e{int(exponent)}"
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def require_suffix(path: str | Path, allowed: tuple[str, ...]) -> str:
+    """The suffix of a file to write, in small letters.
+
+    Raises:
+        InputError: It is none of those allowed.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in allowed:
+        found = f"the suffix '{suffix}'" if suffix else "no suffix"
+        message = f"found {found}; allowed: {', '.join(allowed)}"
+        raise InputError(Problem("", 0, 0, str(path), message, suggest(suffix, allowed) if suffix else ""))
+    return suffix
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure as .png, .svg or .pdf; the file is whole or not there.
+
+    Raises:
+        InputError: Another suffix.
+        OutputError: The file cannot be written.
+    """
+    suffix = require_suffix(path, PICTURES)
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})
+    with house_style(), replacing(Path(path)) as part:
+        figure.savefig(part, dpi=min(_DPI, _MAX_PIXELS / max(figure.get_size_inches())), metadata=metadata)

@@ -1,0 +1,274 @@
+"""`draw_traces`: what happened over time, from plain arrays: curves, bands, spans, and neurons' activity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from circuitkit.draw.style import (
+    CYCLE,
+    DASHES,
+    GREY,
+    INK,
+    KIND_COLOUR,
+    PICTURES,
+    SMALL,
+    house_style,
+    new_figure,
+    number,
+    require_suffix,
+    save_figure,
+    tidy,
+)
+from circuitkit.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH = 7.2  # [in]
+_LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN = 0.95, 0.2, 0.3, 0.5, 0.22  # [in]
+_ROW_HEIGHT = 0.17  # of a neuron, [in]
+_MOST_COLUMNS = 4000  # of the raster; more are not seen
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve over time.
+
+    Attributes:
+        name: For the legend; empty for none.
+        values: Shape (T,), in the unit of the panel; NaN leaves a hole.
+        colour: Of the curve; empty takes the next one.
+        dashes: Line style of matplotlib; empty takes the next one.
+        width: [pt].
+    """
+
+    name: str
+    values: npt.ArrayLike
+    colour: str = ""
+    dashes: str = ""
+    width: float = 1.3
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """The area between two curves, such as the support polygon.
+
+    Attributes:
+        name: For the legend; empty for none.
+        low: Shape (T,) or a number, in the unit of the panel; NaN leaves a hole.
+        high: As `low`.
+        colour: Of the area.
+    """
+
+    name: str
+    low: npt.ArrayLike
+    high: npt.ArrayLike
+    colour: str = "#e8e8e8"
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One axes.
+
+    Attributes:
+        label: Of the vertical axis, with its unit, such as `ZMP y [mm]`.
+        lines: The curves.
+        bands: The areas behind them.
+        height: [in].
+    """
+
+    label: str
+    lines: Sequence[Line] = ()
+    bands: Sequence[Band] = ()
+    height: float = 1.6
+
+
+@dataclass(frozen=True, eq=False)
+class Activity:
+    """Outputs of neurons, shown as a raster: one row a neuron, the darker the more active.
+
+    Attributes:
+        names: Of the neurons.
+        outputs: Shape (T, n), dimensionless.
+        roles: "excitatory" or "inhibitory" by name; colours the names.
+        full: Output that is shown darkest.
+    """
+
+    names: Sequence[str]
+    outputs: npt.ArrayLike
+    roles: Mapping[str, str] = field(default_factory=dict)
+    full: float = 1.0
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of time that is marked in every panel, such as a push, [s]."""
+
+    start_s: float
+    stop_s: float
+    text: str = ""
+
+
+def draw_traces(
+    path: str | Path,
+    time_s: npt.ArrayLike,
+    panels: Sequence[Panel] = (),
+    activity: Activity | None = None,
+    spans: Sequence[Span] = (),
+) -> None:
+    """Draw panels above each other over the same time, the neurons' activity last.
+
+    Args:
+        path: Where the picture goes: .png, .svg or .pdf.
+        time_s: Shape (T,), ascending, [s].
+        panels: From top to bottom.
+        activity: Neurons to show.
+        spans: Stretches of time to mark.
+
+    Raises:
+        InputError: Another suffix, or a curve that is not as long as the time.
+        OutputError: The file cannot be written.
+    """
+    require_suffix(path, PICTURES)
+    save_figure(traces_figure(time_s, panels, activity, spans), path)
+
+
+def traces_figure(
+    time_s: npt.ArrayLike,
+    panels: Sequence[Panel] = (),
+    activity: Activity | None = None,
+    spans: Sequence[Span] = (),
+) -> Figure:
+    """As `draw_traces`, but the figure itself."""
+    time = np.asarray(time_s, dtype=np.float64)
+    heights = [panel.height for panel in panels]
+    if activity is not None:
+        heights.append(_ROW_HEIGHT * max(2, len(activity.names)))
+    total = _TOP + sum(heights) + _BETWEEN * max(0, len(heights) - 1) + _BOTTOM
+    with house_style():
+        figure = new_figure(_WIDTH, total)
+        shared: Axes | None = None
+        top = total - _TOP
+        for i, height in enumerate(heights):
+            wide = (_WIDTH - _LEFT - _RIGHT) / _WIDTH
+            frame = (_LEFT / _WIDTH, (top - height) / total, wide, height / total)
+            axes = figure.add_axes(frame, sharex=shared)
+            shared = shared or axes
+            if i < len(panels):
+                paint_panel(axes, time, panels[i])
+            elif activity is not None:
+                paint_activity(axes, time, activity)
+            _paint_spans(axes, spans, words=i == 0)
+            axes.tick_params(labelbottom=i == len(heights) - 1)
+            top -= height + _BETWEEN
+        if shared is not None and len(time):
+            shared.set_xlim(float(time[0]), max(float(time[-1]), float(time[0]) + 1e-9))
+            figure.axes[-1].set_xlabel("time [s]")
+        figure.align_ylabels()
+    return figure
+
+
+def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel) -> None:
+    """Bands and curves with their legend beside them.
+
+    Raises:
+        InputError: A curve is not as long as the time.
+    """
+    for band in panel.bands:
+        low, high = (_as_long(edge, time_s, band.name) for edge in (band.low, band.high))
+        label = band.name or None
+        axes.fill_between(time_s, low, high, color=band.colour, linewidth=0, label=label, zorder=0.5)
+    for i, line in enumerate(panel.lines):
+        axes.plot(
+            time_s,
+            _as_long(line.values, time_s, line.name),
+            color=line.colour or CYCLE[i % len(CYCLE)],
+            linestyle=line.dashes or DASHES[i // len(CYCLE) % len(DASHES)],
+            linewidth=line.width,
+            label=line.name or None,
+        )
+    axes.set_ylabel(panel.label)
+    tidy(axes)
+    entries = axes.get_legend_handles_labels()[1]
+    if entries:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=len(entries),
+            frameon=False,
+            borderaxespad=0.1,
+            borderpad=0.0,
+            handlelength=1.6,
+            columnspacing=1.2,
+        )
+
+
+def paint_activity(axes: Axes, time_s: npt.NDArray[np.float64], activity: Activity) -> None:
+    """A raster: the first neuron on top.
+
+    Raises:
+        InputError: The outputs are not one row for each time and one column for each neuron.
+    """
+    outputs = np.asarray(activity.outputs, dtype=np.float64)
+    wanted = (len(time_s), len(activity.names))
+    if outputs.shape != wanted:
+        message = f"found shape {outputs.shape}; allowed: {wanted}, a row a time and a column a neuron"
+        raise InputError(Problem("", 0, 0, "activity", message))
+    if len(time_s):
+        edges, shown = _columns(time_s, outputs)
+        rows = np.arange(len(activity.names) + 1) - 0.5
+        axes.pcolormesh(edges, rows, shown.T, cmap="Greys", vmin=0.0, vmax=activity.full, rasterized=True)
+    for row in range(1, len(activity.names)):
+        axes.axhline(row - 0.5, color="white", linewidth=1.2)
+    axes.set_ylim(max(len(activity.names), 1) - 0.5, -0.5)
+    axes.set_yticks(range(len(activity.names)), list(activity.names))
+    tidy(axes, grid=False)
+    axes.tick_params(axis="y", length=0)
+    key = f"neuron outputs: white 0, black {number(activity.full)}"
+    axes.text(1.0, 1.0, key, transform=axes.transAxes, ha="right", va="bottom", fontsize=SMALL, color=GREY)
+    for tick, name in zip(axes.get_yticklabels(), activity.names, strict=True):
+        tick.set(color=KIND_COLOUR.get(activity.roles.get(name, ""), INK), fontsize=SMALL)
+
+
+def _columns(
+    time_s: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Edges in time and outputs, thinned to the largest of neighbours if there are more than can be seen."""
+    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    edges = np.append(time_s, time_s[-1] + step)
+    every = -(-len(time_s) // _MOST_COLUMNS)
+    if every == 1:
+        return edges, outputs
+    starts = np.arange(0, len(time_s), every)
+    return np.append(edges[starts], edges[-1]), np.maximum.reduceat(outputs, starts, axis=0)
+
+
+def _paint_spans(axes: Axes, spans: Sequence[Span], *, words: bool) -> None:
+    for span in spans:
+        axes.axvspan(span.start_s, span.stop_s, color="#e6a100", alpha=0.25, linewidth=0, zorder=0.2)
+        if words and span.text:
+            axes.annotate(
+                span.text,
+                (span.start_s, 1.0),
+                (0, 2),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                fontsize=SMALL,
+                color=GREY,
+                parse_math=False,
+            )
+
+
+def _as_long(values: npt.ArrayLike, time_s: npt.NDArray[np.float64], name: str) -> npt.NDArray[np.float64]:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape not in {(), time_s.shape}:
+        message = f"found shape {array.shape}; allowed: {time_s.shape}, as the time, or a number"
+        raise InputError(Problem("", 0, 0, name, message))
+    return np.broadcast_to(array, time_s.shape)

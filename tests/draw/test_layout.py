@@ -1,0 +1,177 @@
+"""Nothing overlaps: measured on the geometry of the BiNN and of random circuits."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import isotonic_regression
+from strategies import circuit_graphs
+
+from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse
+from circuitkit.circuit.load import load_circuit
+from circuitkit.circuit.models import neuron_model
+from circuitkit.circuit.resolve import resolve
+from circuitkit.draw.labels import label_texts
+from circuitkit.draw.layers import Bend, _crossings, make_layers
+from circuitkit.draw.layout import Layout, layout_circuit
+from circuitkit.draw.placing import ascending
+from circuitkit.draw.shapes import Box, text_size
+from circuitkit.draw.style import SMALL
+from circuitkit.units import DIMENSIONLESS, parse_unit
+
+_RIM = 9.0  # a rounded node begins up to this far inside its box
+
+
+@pytest.fixture(scope="module")
+def binn() -> CircuitGraph:
+    return resolve(load_circuit("binn_lateral"))
+
+
+def dense(seed: int, count: int, names: str = "n{}") -> CircuitGraph:
+    """A circuit with more synapses, cycles and labels than one would like to see."""
+    random = np.random.default_rng(seed)
+    roles = random.choice(["excitatory", "inhibitory"], count).tolist()
+    model = neuron_model("sigmoid")
+    neurons = [
+        Neuron(names.format(i), model, role, {"slope": 1.0, "shift": 0.0}, DIMENSIONLESS)
+        for i, role in enumerate(roles)
+    ]
+    inputs = tuple(InputNode(f"u{i}", parse_unit("mm"), -1.0, 1.0) for i in range(3))
+    synapses = []
+    for target in neurons:
+        for node in (*inputs, *neurons):
+            if random.random() < 3.0 / count:
+                sign = -1.0 if isinstance(node, Neuron) and node.role == "inhibitory" else 1.0
+                weight = sign * float(random.choice([1.0, round(random.exponential(), 3)]))
+                kind = node.role if isinstance(node, Neuron) else "sensorial"
+                synapses.append(Synapse(node.name, target.name, weight, kind))
+    outputs = tuple(
+        OutputNode(
+            f"y{i}", parse_unit("deg"), ((neurons[i].name, 0.1), (neurons[-1 - i].name, -0.2)), -1.0, 1.0, 0.1
+        )
+        for i in range(2)
+    )
+    return CircuitGraph("dense", "", "ordered", 0.01, inputs, tuple(neurons), tuple(synapses), outputs, {})
+
+
+def _inside(points: np.ndarray, box: Box, shrunk: float) -> bool:
+    half = (box.width / 2 - shrunk, box.height / 2 - shrunk)
+    return bool((np.abs(points - (box.x, box.y)) < half).all(axis=1).any())
+
+
+def assert_nothing_overlaps(graph: CircuitGraph, layout: Layout) -> None:
+    for one, other in combinations(layout.nodes.values(), 2):
+        assert not one.box.overlaps(other.box, 6.0), (one.name, other.name)
+    for route in layout.routes:
+        points = np.array(route.polyline)
+        for node in layout.nodes.values():
+            ends = node.name in {route.link.source, route.link.target}
+            assert not _inside(points, node.box, _RIM if ends else -1.5), (route.link, node.name)
+        assert points.min() >= -1e-9
+        assert (points <= (layout.width, layout.height)).all()
+    for label in layout.labels:
+        width, height = text_size(label.text, SMALL)
+        assert (label.box.width, label.box.height) > (width, height)
+        for node in layout.nodes.values():
+            assert not label.box.overlaps(node.box), (label.text, node.name)
+    for one, other in combinations(layout.labels, 2):
+        assert not one.box.overlaps(other.box), (one.text, other.text)
+    shown = {label.link for label in layout.labels} | set(layout.homeless)
+    assert shown == set(label_texts(graph, [route.link for route in layout.routes]))
+
+
+def assert_links_meet_their_nodes(graph: CircuitGraph, layout: Layout) -> None:
+    wanted = {(s.source, s.target) for s in graph.synapses}
+    wanted |= {(neuron, output.name) for output in graph.outputs for neuron, _ in output.readout}
+    assert {(route.link.source, route.link.target) for route in layout.routes} == wanted
+    for route in layout.routes:
+        for name, point in ((route.link.source, route.points[0]), (route.link.target, route.tip)):
+            box = layout.nodes[name].box
+            away = max(abs(point[0] - box.x) - box.width / 2, abs(point[1] - box.y) - box.height / 2)
+            assert -_RIM <= away <= 1e-9, (route.link, name)
+    for name in layout.nodes:
+        tips = [route.tip for route in layout.routes if route.link.target == name]
+        assert all(math.dist(one, other) >= 5.0 for one, other in combinations(tips, 2)), name
+
+
+def test_nothing_overlaps_in_the_binn(binn):
+    layout = layout_circuit(binn)
+    assert_nothing_overlaps(binn, layout)
+    assert_links_meet_their_nodes(binn, layout)
+    assert layout.cost == (0, 0)  # every weight has a place, and none hides another line
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@given(graph=circuit_graphs())
+def test_nothing_overlaps_in_random_circuits(graph):
+    layout = layout_circuit(graph)
+    assert_nothing_overlaps(graph, layout)
+    assert_links_meet_their_nodes(graph, layout)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("count", [4, 12, 25])
+def test_nothing_overlaps_in_dense_circuits(seed, count):
+    graph = dense(seed, count, "n{}" if seed % 2 else "a_neuron_with_a_long_name_{}")
+    layout = layout_circuit(graph)
+    assert_nothing_overlaps(graph, layout)
+    assert_links_meet_their_nodes(graph, layout)
+
+
+def test_the_binn_stands_in_the_layers_of_the_paper(binn):
+    layers = make_layers(binn)
+    columns = [[item for item in layer if not isinstance(item, Bend)] for layer in layers.order]
+    assert columns == [
+        ["force_difference", "zmp_y"],
+        ["lf", "bf", "rf"],
+        ["q1", "q2", "q3", "q4"],
+        ["h1", "h2"],
+        ["p1", "p2"],
+        ["ankle_roll"],
+    ]
+    back = {(link.source, link.target) for link in layers.links if link.backward}
+    assert back == {("p1", "h1"), ("p2", "h2")}
+
+
+def test_labels_show_what_the_line_does_not(binn):
+    links = make_layers(binn).links
+    texts = {(link.source, link.target): text for link, text in label_texts(binn, links).items()}
+    minus = "\N{MINUS SIGN}"
+    assert texts == {
+        ("zmp_y", "q1"): f"{minus}1",  # the line of an input does not tell the sign
+        ("zmp_y", "q3"): f"{minus}1",
+        ("p1", "ankle_roll"): "1.63 deg",
+        ("p2", "ankle_roll"): f"{minus}1.63 deg",
+    }
+
+
+def test_a_weight_is_shown_in_the_units_of_its_ends():
+    graph = dense(0, 4)
+    synapses = (
+        Synapse("u0", "n0", 0.002 / 0.001, "sensorial"),  # 0.002 for a mm
+        Synapse("n0", "n1", 1.0, "excitatory"),
+        Synapse("n1", "n2", 2.0, "excitatory"),
+    )
+    graph = CircuitGraph("units", "", "ordered", 0.01, graph.inputs, graph.neurons, synapses, (), {})
+    texts = {link.target: text for link, text in label_texts(graph, make_layers(graph).links).items()}
+    assert texts == {"n0": "0.002 /mm", "n2": "2"}
+
+
+@given(
+    st.lists(st.tuples(st.floats(-100, 100), st.floats(0.01, 10)), min_size=1, max_size=30),
+)
+def test_pooling_is_isotonic_regression(pairs):
+    values, weights = (list(each) for each in zip(*pairs, strict=True))
+    expected = isotonic_regression(values, weights=weights).x
+    np.testing.assert_allclose(ascending(values, weights), expected, rtol=1e-9, atol=1e-9)
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), unique=True, max_size=20))
+def test_crossings_are_counted_as_pairs_in_opposite_order(edges):
+    left, right = [f"a{i}" for i in range(6)], [f"b{i}" for i in range(6)]
+    targets = {name: [f"b{j}" for i, j in edges if f"a{i}" == name] for name in left}
+    expected = sum((a - c) * (b - d) < 0 for (a, b), (c, d) in combinations(edges, 2))
+    assert _crossings(left, right, targets) == expected
