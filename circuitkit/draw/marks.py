@@ -27,7 +27,7 @@ _OUTLINES = {"capsule": capsule, "octagon": octagon, "rectangle": rectangle, "ta
 _ROLE_RIM = {"input": GREY, "excitatory": EXCITATORY, "inhibitory": INHIBITORY, "output": INK}
 _WIDTH = 1.3
 _RIM = 1.6  # white beside a line that crosses another one
-_HEAD_LENGTH, _HEAD_HALF, _BAR_HALF, _OPEN_HALF = 7.5, 3.2, 4.6, 3.4
+_HEAD_LENGTH, _HEAD_HALF, _BAR_HALF, _OPEN_HALF = 7.5, 3.2, 4.2, 3.4
 
 
 def node_id(name: str) -> str:

@@ -64,6 +64,9 @@ def test_step_stepper_and_run_are_one_thing(circuits, data, batch):
         expected = _bits(trace.activation[t], trace.output[t], trace.readout[t])
         assert _bits(state.activation, state.output, state.readout) == expected
         assert _bits(stepper.state.activation, stepper.state.output, readout) == expected
+        outputs = np.empty((batch, len(graph.neurons)))
+        stepper.store_output(outputs)
+        assert _bits(outputs) == _bits(trace.output[t])
     assert _bits(trace.state.output, trace.state.readout) == _bits(state.output, state.readout)
 
 
