@@ -48,12 +48,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_command(words: list[str]) -> int:
-    from typer.main import get_command
+    from typer.main import get_group
 
     from circuitkit.cli.app import app
 
+    group = get_group(app)
+    command = group.commands.get(words[0]) if words else None
     try:
-        get_command(app).main(args=words, prog_name="circuitkit")
+        if (
+            command is not None
+        ):  # straight to it: to read options of the group, typer would import pydantic first
+            command.main(args=words[1:], prog_name=f"circuitkit {command.name}")
+        else:
+            group.main(args=words, prog_name="circuitkit")
     except SystemExit as ending:
         if isinstance(ending.__context__, BrokenPipeError):
             return PIPE_CLOSED

@@ -173,7 +173,8 @@ def test_text_that_the_terminal_cannot_show_does_no_harm():
 def test_help_and_validate_import_nothing_heavy():
     """Start-up times depend on the machine; what makes them long is the imports."""
     heavy = {"numpy", "scipy", "networkx", "matplotlib", "mujoco", "rich", "pydantic"}
-    for words, imported in ((["--help"], "0 []"), (["validate", "binn_lateral"], "0 ['pydantic']")):
+    helps = [(["--help"], "0 []"), *((([command, "--help"]), "0 []") for command in COMMANDS)]
+    for words, imported in (*helps, (["validate", "binn_lateral"], "0 ['pydantic']")):
         code = (
             f"import sys; from circuitkit.cli.main import main; code = main({words}); "
             f"print(code, sorted({heavy} & set(sys.modules)))"
