@@ -1,0 +1,57 @@
+"""`circuitkit draw`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+BEGINNINGS = {
+    "png": b"\x89PNG",
+    "svg": b"<?xml",
+    "pdf": b"%PDF",
+    "dot": b"digraph",
+    "html": b"<!DOCTYPE html>",
+}
+
+
+@pytest.mark.parametrize("suffix", BEGINNINGS)
+def test_the_suffix_chooses_the_format(circuitkit, suffix):
+    outcome = circuitkit("draw", "binn_lateral", "-o", f"new/out.{suffix}")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "", f"wrote new/out.{suffix}\n")
+    assert Path(f"new/out.{suffix}").read_bytes().startswith(BEGINNINGS[suffix])
+    assert [path.name for path in Path("new").iterdir()] == [f"out.{suffix}"]
+
+
+def test_the_curves_instead_of_the_network(circuitkit):
+    outcome = circuitkit("draw", "binn_lateral", "--what", "activations", "-o", "curves.svg")
+    assert (outcome.code, outcome.err) == (0, "wrote curves.svg\n")
+    assert Path("curves.svg").read_bytes() != b""
+
+
+def test_other_formats_are_refused_with_those_there_are(circuitkit):
+    outcome = circuitkit("draw", "binn_lateral", "-o", "out.sgv")
+    assert outcome.code == 1
+    assert outcome.err == (
+        "out.sgv: found the suffix '.sgv'; allowed: .png, .svg, .pdf, .dot, .html; did you mean '.svg'?\n"
+    )
+
+
+def test_where_to_draw_must_be_said(circuitkit):
+    outcome = circuitkit("draw", "binn_lateral")
+    assert outcome.code == 2
+    assert "Error: Missing option '--output' / '-o'." in outcome.err
+
+
+def test_what_to_draw_is_one_of_two(circuitkit):
+    outcome = circuitkit("draw", "binn_lateral", "--what", "graphs", "-o", "out.svg")
+    assert outcome.code == 2
+    assert "'graphs' is not one of 'graph', 'activations'" in outcome.err
+
+
+def test_an_invalid_circuit_leaves_no_file(circuitkit):
+    Path("bad.yaml").write_text("circuit: bad\n", encoding="utf-8")
+    outcome = circuitkit("draw", "bad.yaml", "-o", "out.svg")
+    assert outcome.code == 1
+    assert outcome.err.startswith("bad.yaml:1:")
+    assert not Path("out.svg").exists()
