@@ -49,7 +49,6 @@ def _by_hand(graph: CircuitGraph) -> Work:
 
     def step() -> None:
         sources[:n_inputs] = 0.9, 0.03
-        with np.errstate(over="ignore"):
-            sources[n_inputs:] = 1 / (1 + np.exp(-slope * (weights @ sources - shift)))
+        sources[n_inputs:] = 1 / (1 + np.exp(-slope * (weights @ sources - shift)))
 
     return step
