@@ -58,7 +58,7 @@ def _run_command(words: list[str]) -> int:
         if (
             command is not None
         ):  # straight to it: to read options of the group, typer would import pydantic first
-            command.main(args=words[1:], prog_name=f"circuitkit {command.name}")
+            command.main(args=words[1:], prog_name=f"circuitkit {command.name}", **group.context_settings)
         else:
             group.main(args=words, prog_name="circuitkit")
     except SystemExit as ending:

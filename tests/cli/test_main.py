@@ -31,6 +31,7 @@ def test_every_command_explains_itself_with_examples(circuitkit, command):
     outcome = circuitkit(command, "--help")
     assert outcome.code == 0
     assert f"Usage: circuitkit {command}" in outcome.out
+    assert "-h, --help" in outcome.out
     lines = outcome.out.split("Examples:\n")[1].splitlines()
     assert len(lines) >= 2
     assert all(line.strip().startswith(f"circuitkit {command}") for line in lines if line.strip())
