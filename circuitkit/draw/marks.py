@@ -35,9 +35,9 @@ def node_id(name: str) -> str:
     return f"node-{name}"
 
 
-def line_id(source: str, target: str) -> str:
-    """Identifier of a line in an SVG."""
-    return f"line-{source}-{target}"
+def line_ids(source: str, target: str) -> tuple[str, str, str]:
+    """Identifiers of the parts of a line in an SVG: the stroke, its white rim, its head."""
+    return f"line-{source}-{target}", f"rim-{source}-{target}", f"head-{source}-{target}"
 
 
 def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
@@ -91,14 +91,15 @@ def add_line(axes: Axes, route: Route, shift: Point, zorder: float) -> None:
         joinstyle="round",
         zorder=zorder + 0.005,
     )
-    stroke.set_gid(line_id(route.link.source, route.link.target))
-    axes.add_patch(rim)
-    axes.add_patch(stroke)
-    for outline, style in _head(route):
-        axes.add_patch(PathPatch(_path(outline, shift), zorder=4.2, **style))
+    outline, style = _head(route)
+    head = PathPatch(_path(outline, shift), zorder=4.2, **style)
+    parts = (stroke, rim, head)
+    for part, name in zip(parts, line_ids(route.link.source, route.link.target), strict=True):
+        part.set_gid(name)
+        axes.add_patch(part)
 
 
-def _head(route: Route) -> list[tuple[Outline, dict[str, Any]]]:
+def _head(route: Route) -> tuple[Outline, dict[str, Any]]:
     """Excitatory and readout: a filled arrow; inhibitory: a bar; sensorial: an open arrow."""
     colour = KIND_COLOUR[route.link.kind]
     (x, y), (ux, uy) = route.tip, route.heading
@@ -108,7 +109,7 @@ def _head(route: Route) -> list[tuple[Outline, dict[str, Any]]]:
 
     if route.link.kind == "inhibitory":
         bar = Outline((at(-1.9, -_BAR_HALF), at(-1.9, _BAR_HALF)), "ML")
-        return [(bar, {"fill": False, "edgecolor": colour, "linewidth": 2.4, "capstyle": "butt"})]
+        return bar, {"fill": False, "edgecolor": colour, "linewidth": 2.4, "capstyle": "butt"}
     if route.link.kind == "sensorial":
         ends = (at(-5.2, -_OPEN_HALF), at(-0.8, 0.0), at(-5.2, _OPEN_HALF))
         style = {
@@ -118,10 +119,10 @@ def _head(route: Route) -> list[tuple[Outline, dict[str, Any]]]:
             "capstyle": "round",
             "joinstyle": "miter",
         }
-        return [(Outline(ends, "MLL"), style)]
+        return Outline(ends, "MLL"), style
     tip = at(-0.6, 0.0)
     base = (at(-_HEAD_LENGTH, -_HEAD_HALF), at(-_HEAD_LENGTH, _HEAD_HALF))
-    return [(Outline((tip, *base, tip), "MLLL"), {"facecolor": colour, "edgecolor": "none"})]
+    return Outline((tip, *base, tip), "MLLL"), {"facecolor": colour, "edgecolor": "none"}
 
 
 def _shortened(route: Route) -> tuple[Point, ...]:

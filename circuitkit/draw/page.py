@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from circuitkit.circuit.graph import CircuitGraph, Neuron
 from circuitkit.draw.labels import weight_text
 from circuitkit.draw.layers import make_layers
-from circuitkit.draw.marks import line_id, node_id
+from circuitkit.draw.marks import line_ids, node_id
 from circuitkit.draw.style import number
 
 _PAGE = """<!DOCTYPE html>
@@ -43,8 +43,9 @@ for (const mark of marks) {{
     svg.classList.add("asked");
     for (const other of marks) {{
       const ends = other.dataset.ends.split(" ");
-      const near = mine.length > 1 ? other === mark || (ends.length === 1 && mine.includes(ends[0]))
-        : other === mark || (ends.length > 1 && ends.includes(mine[0]));
+      const same = other.dataset.ends === mark.dataset.ends;
+      const near = same || (mine.length > 1 ? ends.length === 1 && mine.includes(ends[0])
+        : ends.length > 1 && ends.includes(mine[0]));
       other.classList.toggle("near", near);
     }}
     details.textContent = mark.querySelector("title").textContent;
@@ -75,7 +76,8 @@ def tooltips(graph: CircuitGraph) -> dict[str, tuple[str, str]]:
     for link in make_layers(graph).links:
         way = ", goes back in a cycle" if link.backward else ""
         head = f"{link.source} to {link.target}: {link.kind}, weight {weight_text(graph, link)}{way}"
-        found[line_id(link.source, link.target)] = (f"{link.source} {link.target}", head)
+        for name in line_ids(link.source, link.target):
+            found[name] = (f"{link.source} {link.target}", head)
     return found
 
 

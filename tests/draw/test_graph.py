@@ -65,7 +65,7 @@ def test_every_node_and_line_of_the_svg_tells_its_details(binn, pictures):
         group.get("id"): group.find(f"{SVG}title") for group in root.iter(f"{SVG}g") if group.get("data-ends")
     }
     texts = {key: title.text for key, title in titles.items() if title is not None}
-    assert len(texts) == 2 + 11 + 1 + len(binn.synapses) + 2
+    assert len(texts) == 2 + 11 + 1 + 3 * (len(binn.synapses) + 2)  # a line has a stroke, a rim and a head
     assert texts["node-q1"].splitlines()[0] == "q1: excitatory, sigmoid"
     assert "shift 79.9 mm" in texts["node-q1"]
     assert texts["line-lf-q1"] == "lf to q1: inhibitory, weight \N{MINUS SIGN}1000 mm"
