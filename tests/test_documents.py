@@ -50,6 +50,16 @@ def test_every_command_of_a_page_runs(page):
         run_here(line)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=[page.relative_to(ROOT).as_posix() for page in PAGES])
+@pytest.mark.usefixtures("folder")
+def test_the_python_of_a_page_runs(page):
+    names = {}
+    for block in re.findall(
+        r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    ):
+        exec(compile(block, str(page), "exec"), names)
+
+
 @pytest.mark.parametrize("command", QUICK)
 @pytest.mark.usefixtures("folder")
 def test_every_example_of_the_help_runs(command, capsys):
