@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from circuitkit.errors import InputError, Problem, listing, suggest
 from circuitkit.source.document import Data, Document, Place
+from circuitkit.units import format_quantity, parse_quantity
 
 _UNION_KINDS = (Union, types.UnionType)
 STRAY_TEXT = "inside braces, put a text that contains a comma in quotes"
@@ -93,7 +94,9 @@ def model_problems(
         # One branch of a union may refuse the type where another takes it and complains about the inside.
         deeper = any(other != place and other[: len(place)] == place for other in by_place)
         if not (deeper and _is_wrong_type(group)):
-            findings.append(_finding(document, model, at, place, group))
+            findings.append(
+                _finding(document, model, at, place, [_as_written(d, data, place) for d in group])
+            )
     return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
 
 
@@ -110,6 +113,18 @@ def _place(detail: Mapping[str, Any], data: Data) -> Place:
             continue
         place.append(part)
     return tuple(place)
+
+
+def _as_written(detail: Any, data: Data, place: Place) -> Any:  # noqa: ANN401 - pydantic's own mapping
+    """A complaint about the size of a quantity in the unit in which the file has it, not in SI units."""
+    for part in place:
+        keys = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
+        data = data[part] if part in keys else None  # type: ignore[index]  # it has keys
+    if not (isinstance(data, str) and isinstance(detail["input"], float) and detail["type"] in _BOUNDS):
+        return detail
+    unit = parse_quantity(data).unit
+    bounds = {name: format_quantity(bound, unit) for name, bound in detail.get("ctx", {}).items()}
+    return {**detail, "input": data, "ctx": bounds}
 
 
 def _is_wrong_type(group: list[Any]) -> bool:
@@ -174,10 +189,10 @@ _ALLOWED = {
 }
 _BOUNDS = {
     "finite_number": "a finite number",
-    "greater_than": "more than {gt:g}",
-    "greater_than_equal": "at least {ge:g}",
-    "less_than": "less than {lt:g}",
-    "less_than_equal": "at most {le:g}",
+    "greater_than": "more than {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "less than {lt}",
+    "less_than_equal": "at most {le}",
     "multiple_of": "a multiple of {multiple_of}",
     "string_too_short": "a text of at least {min_length} characters",
     "string_too_long": "a text of at most {max_length} characters",
@@ -194,8 +209,12 @@ def _allowed(detail: Mapping[str, Any]) -> str:
     if literals := _literals(detail):
         return listing(literals)
     if kind in _BOUNDS:
-        return _BOUNDS[kind].format(**detail.get("ctx", {}))
+        return _BOUNDS[kind].format(**{k: _number(v) for k, v in detail.get("ctx", {}).items()})
     return _ALLOWED.get(kind.partition("_")[0], str(detail["msg"]))
+
+
+def _number(value: object) -> object:
+    return f"{value:g}" if isinstance(value, float) else value
 
 
 def _literals(detail: Mapping[str, Any]) -> list[str]:
