@@ -29,7 +29,7 @@ LEG_JOINTS = tuple(
 )
 # Steps that are computed one by one at the start, then one pair that is repeated, then some that only see to
 # it that the pair does not feel the end: what an end forces upon the CoM decays by exp(-omega * 0.55 s), to a
-# 27th, in each step. A jump of one micrometre where the pair meets itself moves the ZMP by z / (g dt^2), 0.3 mm.
+# 27th, in each step. Where the pair meets itself, a jump of 1 um moves the ZMP by 0.3 mm (z / (g dt^2)).
 _LEAD_STEPS, _CYCLE_STEPS, _TAIL_STEPS = 4, 2, 5
 _PASSES = 6
 # A pelvis shift moves the CoM by three quarters of itself, since the legs stay behind: take the inverse.

@@ -72,6 +72,23 @@ class GaitSpec(FileModel):
                 raise ValueError(message)
         return self
 
+    @model_validator(mode="after")
+    def _swing_in_the_air(self) -> GaitSpec:
+        if self.swing.start < self.lift.start or self.swing.end > self.lift.end:
+            found = (
+                f"swing is from {self.swing.start:g} to {self.swing.end:g} of single support, "
+                f"the lift from {self.lift.start:g} to {self.lift.end:g}"
+            )
+            message = f"{found}; allowed: a swing within the lift"
+            raise ValueError(message)
+        if self.step_length > 0 and self.lift.height == 0:
+            message = (
+                f"lift.height is 0 and step_length {self.step_length:g} m; "
+                "allowed: a lift of more than 0, or a step of 0"
+            )
+            raise ValueError(message)
+        return self
+
     @property
     def step_ticks(self) -> int:
         """Ticks of one step: double and single support."""
