@@ -181,8 +181,8 @@ class _Senses:
         self._noisy[...] = self._true
         if self._noise is not None:
             self._cells += self._noise[tick]
-        np.maximum(self._cells, self._low, self._cells)
-        np.minimum(self._cells, self._high, self._cells)
+        np.maximum(self._cells, self._low, out=self._cells)
+        np.minimum(self._cells, self._high, out=self._cells)
         if tick in self._factors:
             self._cells *= self._factors[tick]
         noisy: Array = self._noisy

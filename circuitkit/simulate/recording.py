@@ -95,7 +95,7 @@ class Recording:
 
     @cached_property
     def centre_of_pressure_m(self) -> Array:
-        """Centre of pressure by contacts, from the middle between the feet; shape (T, B, 2); nan in the air."""
+        """Centre of pressure by contacts, from the middle between the feet; (T, B, 2); nan in the air."""
         feet = np.stack([self.readings[..., self.robot.layout.foot(s)] for s in range(2)])
         points = np.stack([centre_of_pressure(self.readings, self.robot.layout, s)[0] for s in range(2)])
         loads = np.moveaxis(self.loads_n, -1, 0)

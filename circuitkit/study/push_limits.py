@@ -1,16 +1,21 @@
 """The largest push that a walk survives, under several controllers: the table of the README.
 
+`python -m circuitkit.study.push_limits` measures it again.
+
 A force counts as survived if the robot stands in the runs of all seeds, at it and at every smaller one.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
+from circuitkit.circuit import load_circuit, resolve
 from circuitkit.gait.lipm import dcm, largest_push_force
-from circuitkit.simulate import Plan, Push, Scenario, make_plan
+from circuitkit.simulate import Plan, Push, Scenario, load_scenario, make_plan
 from circuitkit.simulate.disturbance import Trial, push_start
 from circuitkit.simulate.loop import run_loop, run_to_see_who_stands
 
@@ -127,6 +132,53 @@ def dcm_bounds(plan: Plan, kinds: Sequence[PushKind] = PUSH_KINDS) -> dict[PushK
     }
 
 
-def ratios(limits: dict[PushKind, float], baseline: dict[PushKind, float]) -> dict[PushKind, float]:
-    """Limit over the baseline's; infinite where the baseline survives nothing."""
-    return {kind: limits[kind] / baseline[kind] if baseline[kind] else math.inf for kind in limits}
+def mean_ratio(limits: Mapping[PushKind, float], baseline: Mapping[PushKind, float]) -> float:
+    """Mean over the kinds of limit over baseline; infinite if the baseline survives nothing somewhere."""
+    return sum(limits[k] / baseline[k] if baseline[k] else math.inf for k in limits) / len(limits)
+
+
+# What is compared: a name for the table, the controller, the circuit and changes to its parameters.
+CONTENDERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
+    "open loop": ("open_loop", "binn_lateral_tuned", {}),
+    "BiNN, towards the edge (tuned)": ("circuit", "binn_lateral_tuned", {}),
+    "BiNN, the same, away from the edge": ("circuit", "binn_lateral_tuned", {"w": "0.5 deg"}),
+    "BiNN as the paper reads (w 1.63°, away)": ("circuit", "binn_lateral", {}),
+}
+
+
+def table(gait: str, seeds: Sequence[int], progress: Callable[[str], object] | None = None) -> str:
+    """The Markdown table of one gait."""
+    scenario = load_scenario("nao_push")
+    plan = plan_for_pushes(scenario, gait)
+    head = " | ".join(f"{kind.direction} {kind.duration_s:g} s" for kind in PUSH_KINDS)
+    lines = [
+        f"| {gait}, largest force survived [N] | {head} | mean ratio |",
+        "|---|" + "---|" * (len(PUSH_KINDS) + 1),
+    ]
+    baseline: Mapping[PushKind, float] | None = None
+    for name, (controller, circuit, changes) in CONTENDERS.items():
+        contender = replace(plan, circuit=resolve(load_circuit(circuit), changes))
+        limits = largest_survived(contender, controller, seeds=seeds, progress=progress)
+        baseline = baseline or limits
+        lines.append(_line(name, limits, f"{mean_ratio(limits, baseline):.2f}"))
+    lines.append(_line("bound for any ankle control (DCM)", dcm_bounds(plan), ""))
+    return "\n".join(lines)
+
+
+def _line(name: str, limits: Mapping[PushKind, float], last: str) -> str:
+    return f"| {name} | " + " | ".join(f"{limits[kind]:.0f}" for kind in PUSH_KINDS) + f" | {last} |"
+
+
+def main() -> None:
+    """Measure and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("gaits", nargs="*", default=["gait_march", "gait_walk_2cm"])
+    parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N-1")
+    arguments = parser.parse_args()
+    for gait in arguments.gaits:
+        print(table(gait, range(arguments.seeds), lambda text: print(text, file=sys.stderr, flush=True)))  # noqa: T201 - a script
+        print(flush=True)  # noqa: T201 - a script
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""The closed loop against bare physics: the same robot, the same targets, the same number of physics steps.
+
+The loop is everything: gait, sensors with noise, circuit, recording. Bare is nothing but `mj_step`, or, for
+many robots, `mujoco.batch.Batch.step`, with the walk's targets written once a control step.
+"""
+
+from __future__ import annotations
+
+import mujoco
+from mujoco.batch import Batch
+
+from circuitkit.robots.dynamics import generalised_positions
+from circuitkit.simulate import Plan, load_scenario, make_plan
+from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulate.loop import run_loop
+from circuitkit.study.bench import Case, Work
+
+_DURATION_S = 6.0
+
+
+def cases() -> tuple[Case, ...]:
+    """One robot, and 64."""
+    return (
+        Case("closed_loop_1_robot", "mj_step alone, one robot", _one, limit=1.35),
+        Case("closed_loop_64_robots", "Batch.step alone, 64 robots", lambda: _many(64), limit=1.15),
+    )
+
+
+def _plan() -> Plan:
+    return make_plan(load_scenario("nao_push").model_copy(update={"duration": _DURATION_S, "pushes": ()}))
+
+
+def _one() -> tuple[Work, Work]:
+    plan = _plan()
+    model = plan.robot.model
+    data = mujoco.MjData(model)
+    start = generalised_positions(plan.robot, plan.walk)[0]
+    substeps = round(plan.walk.gait.control_step / model.opt.timestep)
+
+    def bare() -> None:
+        mujoco.mj_resetData(model, data)
+        data.qpos = start
+        for target in plan.targets:
+            data.ctrl = target
+            for _ in range(substeps):
+                mujoco.mj_step(model, data)
+
+    return lambda: run_loop(plan.setup("circuit", [Trial(0, ())])), bare
+
+
+def _many(batch: int) -> tuple[Work, Work]:
+    plan = _plan()
+    worlds = Batch(plan.robot.model, batch)
+    ctrl, qpos, qvel = worlds.bind("ctrl"), worlds.bind("qpos"), worlds.bind("qvel")
+    start = generalised_positions(plan.robot, plan.walk)[0]
+    substeps = round(plan.walk.gait.control_step / plan.robot.model.opt.timestep)
+
+    def bare() -> None:
+        worlds.reset()
+        qpos[:], qvel[:] = start, 0.0
+        for target in plan.targets:
+            ctrl[:] = target
+            worlds.step(nstep=substeps)
+
+    return lambda: run_loop(plan.setup("circuit", [Trial(seed, ()) for seed in range(batch)])), bare
