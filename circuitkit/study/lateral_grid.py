@@ -1,8 +1,8 @@
 """The grid behind the numbers of `binn_lateral_tuned`; `python -m circuitkit.study.lateral_grid` repeats it.
 
 Each set of parameters is pushed on seeds that no result uses: 20 and 23 N for 0.2 s inward at three moments
-of `lift`, and five pushes of other directions and durations, on the spot and at 2 cm a step. What counts is the
-part of the runs in which the robot stands.
+of `lift`, and five pushes of other directions and durations, on the spot and at 2 cm a step. What counts is
+the part of the runs in which the robot stands.
 """
 
 from __future__ import annotations
