@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -189,7 +190,18 @@ class Observer:
         """Channels, shape (B, k), of readings, shape (B, s)."""
         sums = np.add.reduce(readings[:, None, self._columns] * self._weights, axis=2)
         values: Array = sums[:, : self._count] / np.maximum(sums[:, self._count :], self._least)
+        if not math.isfinite(np.add.reduce(values, axis=None)):
+            self._without_missing(readings, values)
         return values
+
+    def _without_missing(self, readings: Array, values: Array) -> None:
+        """Again for robots that miss a reading: zero times not-a-number is no zero, so channels that do not
+        use the reading would miss it as well.
+        """  # noqa: D205 - the reason is a sentence
+        robots = ~np.isfinite(values).all(axis=1)
+        used = np.where(self._weights != 0, readings[robots][:, None, self._columns] * self._weights, 0.0)
+        sums = np.add.reduce(used, axis=2)
+        values[robots] = sums[:, : self._count] / np.maximum(sums[:, self._count :], self._least)
 
 
 def centre_of_pressure(readings: Array, layout: SensorLayout, side: int) -> tuple[Array, Array]:
