@@ -76,16 +76,16 @@ def build_model(spec: RobotSpec, friction: float | None = None, *, looks: bool =
         mj = mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
         raise InputError(Problem(str(path), 1, 1, "", f"not an MJCF file: {error}")) from error
-    _check_names(spec, mj)
+    _check_parts(spec, mj)
     mj.compiler.discardvisual = not looks
-    for actuator in list(mj.actuators):
-        mj.delete(actuator)
-    for sensor in list(mj.sensors):
-        mj.delete(sensor)
-    _add_floor(mj, spec, friction)
-    servos = _add_servos(mj, spec)
-    layout = _add_sensors(mj, spec)
-    model = mj.compile()
+    _take_out(mj)
+    try:
+        _add_floor(mj, spec, friction)
+        servos = _add_servos(mj, spec)
+        layout = _add_sensors(mj, spec)
+        model = mj.compile()
+    except ValueError as error:
+        raise InputError(Problem(str(path), 1, 1, "", f"MuJoCo refuses the model: {error}")) from error
 
     joints = [model.joint(name) for name in servos]
     posture = np.zeros(len(joints))
@@ -106,40 +106,53 @@ def build_model(spec: RobotSpec, friction: float | None = None, *, looks: bool =
     )
 
 
-def _check_names(spec: RobotSpec, mj: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
-    """Complain about every name of the robot file that the MJCF does not have."""
+def _check_parts(spec: RobotSpec, mj: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
+    """Complain about every part of the robot file that the MJCF does not have, or not as it must be."""
+    hinge, free = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
     there = {
-        "body": [body.name for body in mj.bodies],
-        "joint": [joint.name for joint in mj.joints],
+        "body": [body.name for body in mj.bodies if body.name != "world"],
+        "hinge": [joint.name for joint in mj.joints if joint.type == hinge],
         "site": [site.name for site in mj.sites],
     }
     wanted = [
         ("body", spec.torso, "torso"),
         ("site", spec.imu, "imu"),
         *(("body", getattr(spec.feet, side).body, f"feet.{side}.body") for side in SIDES),
-        *(("joint", name, f"joints.{role}") for role, name in spec.joints.items()),
-        *(("joint", name, f"posture.{name}") for name in spec.posture),
+        *(("hinge", name, f"joints.{role}") for role, name in spec.joints.items()),
+        *(("hinge", name, f"posture.{name}") for name in spec.posture),
     ]
-    problems = [
-        Problem(
-            str(spec.mjcf_path), 1, 1, where,
-            f"the MJCF has no {kind} '{name}'; allowed: {listing(there[kind])}", suggest(name, there[kind]),
-        )
-        for kind, name, where in wanted
-        if name not in there[kind]
-    ]  # fmt: skip
+    problems = []
+    for kind, name, where in wanted:
+        if name not in there[kind]:
+            message = f"the MJCF has no {kind} '{name}'; allowed: {listing(there[kind])}"
+            problems.append((where, message, suggest(name, there[kind])))
+    if spec.torso in there["body"] and [j for j in mj.joints if j.type == free] != mj.body(spec.torso).joints:
+        message = f"'{spec.torso}' does not hang from the model's only free joint"
+        problems.append(("torso", f"{message}; allowed: the body that does", ""))
+    for side in SIDES:
+        name = getattr(spec.feet, side).body
+        if name in there["body"] and not _soles(mj, name):
+            message = f"'{name}' has no geom that can touch the ground; allowed: a body with a sole"
+            problems.append((f"feet.{side}.body", message, ""))
     if problems:
-        raise InputError(*problems)
+        raise InputError(*(Problem(str(spec.mjcf_path), 1, 1, *problem) for problem in problems))
+
+
+def _soles(mj: Any, foot: str) -> list[Any]:  # noqa: ANN401 - MjSpec is not typed
+    """The geoms of a foot that collide."""
+    return [geom for geom in mj.body(foot).geoms if geom.contype or geom.conaffinity]
+
+
+def _take_out(mj: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
+    """Remove what is added afresh: servos, sensors, floor; and keyframes, which hold targets of servos."""
+    floors = [geom for geom in mj.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
+    for part in (*mj.actuators, *mj.sensors, *mj.keys, *floors):
+        mj.delete(part)
 
 
 def _add_floor(mj: Any, spec: RobotSpec, friction: float | None) -> None:  # noqa: ANN401 - MjSpec is not typed
     """A plane that only the robot's colliding geoms touch; their friction is the floor's as well."""
-    soles = [
-        geom
-        for side in SIDES
-        for geom in mj.body(getattr(spec.feet, side).body).geoms
-        if geom.contype or geom.conaffinity
-    ]
+    soles = [geom for side in SIDES for geom in _soles(mj, getattr(spec.feet, side).body)]
     sliding = float(soles[0].friction[0]) if friction is None else friction
     for sole in soles:
         sole.friction[0] = sliding

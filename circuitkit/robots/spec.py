@@ -29,6 +29,16 @@ class Sole(FileModel):
     right: Metres
     left: Metres
 
+    @model_validator(mode="after")
+    def _ordered(self) -> Sole:
+        for low, high in (("back", "front"), ("right", "left")):
+            found = getattr(self, low), getattr(self, high)
+            if found[0] >= found[1]:
+                numbers = f"found {low} {found[0]:g} and {high} {found[1]:g}"
+                message = f"{numbers}; allowed: {low} before {high}"
+                raise ValueError(message)
+        return self
+
 
 class Foot(FileModel):
     """One foot."""
@@ -45,6 +55,14 @@ class Feet(FileModel):
 
     left: Foot
     right: Foot
+
+    @model_validator(mode="after")
+    def _own_cells(self) -> Feet:
+        for name in self.left.cells:
+            if name in self.right.cells:
+                message = f"the cell '{name}' is in both feet; allowed: names of their own"
+                raise ValueError(message)
+        return self
 
 
 class Legs(FileModel):
@@ -65,6 +83,14 @@ class ForceCells(FileModel):
     """What the force cells can measure."""
 
     range: tuple[Newtons, Newtons] = Field(description="Readings are clipped to this.")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ForceCells:
+        low, high = self.range
+        if low >= high:
+            message = f"found a range from {low:g} to {high:g}; allowed: the lower end first"
+            raise ValueError(message)
+        return self
 
 
 class Servo(FileModel):
