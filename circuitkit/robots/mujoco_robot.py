@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-import mujoco
 import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
@@ -155,13 +154,14 @@ def command_units(model: RobotModel) -> dict[str, Unit]:
 
 
 def body_number(model: RobotModel, name: str) -> int:
-    """Number of a body.
+    """Number of a body: torso, left_foot and right_foot as the robot file says, others by their MJCF name.
 
     Raises:
         UnknownNameError: The robot has no such body; lists those it has.
     """
-    names = [model.model.body(index).name for index in range(1, model.model.nbody)]
-    if name not in names:
+    roles = {"torso": model.torso_id, "left_foot": model.feet_id[0], "right_foot": model.feet_id[1]}
+    bodies = {model.model.body(index).name: index for index in range(1, model.model.nbody)} | roles
+    if name not in bodies:
         kind = "body"
-        raise UnknownNameError(kind, name, names)
-    return int(mujoco.mj_name2id(model.model, mujoco.mjtObj.mjOBJ_BODY, name))
+        raise UnknownNameError(kind, name, roles | bodies)
+    return bodies[name]

@@ -45,7 +45,9 @@ class Start(FileModel):
 class Push(FileModel):
     """A force on a body."""
 
-    body: str = Field(description="Body of the MJCF; the force acts at its centre of mass.")
+    body: str = Field(
+        description="torso, left_foot, right_foot, or a body of the MJCF; the force acts at its centre of mass."
+    )
     force: Newtons = Field(ge=0)
     direction: Annotated[str, BeforeValidator(_direction)] = Field(
         description="forward, backward, left, right, inward (towards the lifted foot) or outward."
