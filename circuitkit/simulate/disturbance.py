@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import InputError, Problem
+from circuitkit.errors import InputError, Problem, UnknownNameError
 from circuitkit.gait import LEFT, PHASES, Walk
 from circuitkit.robots import RobotModel, body_number
 from circuitkit.simulate.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push
@@ -85,13 +85,20 @@ def draw_fates(
             start_s, support = push_start(push, walk, number)
             start = max(start_s + shift, 0.0)
             end = start + push.duration
-            by_body.setdefault(body_number(robot, push.body), []).append(
+            by_body.setdefault(_body(push, robot, number), []).append(
                 (i, start, end, push.force * direction_of(push.direction, support))
             )
             if number == 0:
                 windows[i] = start, end
     pushes = tuple(_body_push(body, entries, len(trials), dt) for body, entries in by_body.items())
     return Fates(pushes, windows, velocity, noise)
+
+
+def _body(push: Push, robot: RobotModel, number: int) -> int:
+    try:
+        return body_number(robot, push.body)
+    except UnknownNameError as error:
+        raise InputError(replace(error.problems[0], where=f"pushes[{number}].body")) from error
 
 
 def direction_of(name: str, support: int) -> Array:

@@ -63,17 +63,21 @@ class Plan:
             InputError: A push or a fault names what is not there.
         """
         scenario = self.scenario
+        adds = self.controller(controller)
+        with scenario.located("pushes"):
+            fates = draw_fates(
+                trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise.force_cells
+            )
+            factors = fault_values(scenario.faults, self.walk, self.robot)
         return Setup(
             robot=self.robot,
             walk=self.walk,
             targets=self.targets,
-            controller=self.controller(controller),
+            controller=adds,
             circuit=self.circuit,
             trials=tuple(trials),
-            fates=draw_fates(
-                trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise.force_cells
-            ),
-            cell_factors=fault_values(scenario.faults, self.walk, self.robot),
+            fates=fates,
+            cell_factors=factors,
         )
 
 
@@ -135,12 +139,17 @@ def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
     Raises:
         InputError: A file is wrong or missing.
     """
-    gait = load_gait(scenario.file(scenario.gait))
-    spec = load_robot(scenario.file(scenario.robot))
-    graph = resolve(load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit))
-    threshold_lines(graph, scenario.thresholds)
-    robot = build_model(spec.with_servos(scenario.servo_profile))
-    walk, targets = plan_robot_walk(robot, gait, round(scenario.duration / gait.control_step))
+    with scenario.located("gait"):
+        gait = load_gait(scenario.file(scenario.gait))
+    with scenario.located("robot"):
+        spec = load_robot(scenario.file(scenario.robot))
+    with scenario.located("servo_profile"):
+        robot = build_model(spec.with_servos(scenario.servo_profile))
+    with scenario.located("circuit"):
+        graph = resolve(load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit))
+        threshold_lines(graph, scenario.thresholds)
+    with scenario.located("gait"):
+        walk, targets = plan_robot_walk(robot, gait, round(scenario.duration / gait.control_step))
     return Plan(scenario, robot, walk, targets, graph)
 
 

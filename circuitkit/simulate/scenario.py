@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
-from circuitkit.source import FileModel, find_data_file, read_yaml, validate_model
+from circuitkit.source import Document, FileModel, find_data_file, place_text, read_yaml, validate_model
 from circuitkit.source.fields import MetresPerSecond, Newtons, Ratio, Seconds
 from circuitkit.units import parse_quantity
 
@@ -46,7 +48,7 @@ class Push(FileModel):
     """A force on a body."""
 
     body: str = Field(
-        description="torso, left_foot, right_foot, or a body of the MJCF; the force acts at its centre of mass."
+        description="torso, left_foot, right_foot or a body of the MJCF; the force acts at its centre of mass."
     )
     force: Newtons = Field(ge=0)
     direction: Annotated[str, BeforeValidator(_direction)] = Field(
@@ -118,7 +120,7 @@ class Scenario(FileModel):
     seed: int = Field(default=0, ge=0)
     thresholds: Thresholds
 
-    _folder: Path = PrivateAttr(default=Path())
+    _document: Document = PrivateAttr(default=Document("", None, {}))
 
     @model_validator(mode="after")
     def _pushes_end(self) -> Scenario:
@@ -130,8 +132,26 @@ class Scenario(FileModel):
     def file(self, name: str) -> str:
         """A file that the scenario names, from the scenario's own folder if it is a relative path."""
         path = Path(name)
-        beside = self._folder / path
+        beside = Path(self._document.path).parent / path
         return str(beside) if (path.suffix and not path.is_absolute() and beside.is_file()) else name
+
+    @contextmanager
+    def located(self, key: str) -> Iterator[None]:
+        """Give complaints that belong to no file the line of this scenario that they are about.
+
+        Args:
+            key: What they are about if they do not say, such as `robot`.
+        """
+        try:
+            yield
+        except InputError as error:
+            problems = (each if each.file else self._here(each, key) for each in error.problems)
+            raise InputError(*problems) from error
+
+    def _here(self, problem: Problem, key: str) -> Problem:
+        where = problem.where or key
+        place = next((place for place in self._document.marks if place_text(place) == where), (key,))
+        return replace(self._document.problem(place, problem.message, problem.hint), where=where)
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
@@ -143,9 +163,9 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     Raises:
         InputError: It cannot be read; says where and why.
     """
-    path = find_data_file(name_or_path, _FOLDER)
-    scenario = validate_model(read_yaml(path), Scenario)
-    scenario._folder = path.parent
+    document = read_yaml(find_data_file(name_or_path, _FOLDER))
+    scenario = validate_model(document, Scenario)
+    scenario._document = document  # the scenario's own factory
     return scenario
 
 
