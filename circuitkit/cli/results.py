@@ -27,6 +27,8 @@ def finish(rows: Sequence[Mapping[str, Any]], output: Path | None, *, as_json: b
         print_results(rows)
         if output is not None:
             note(f"wrote {output}")
+    for text in (text for row in rows for text in row.get("notes", ())):
+        note(text)
     if any(row["interrupted"] for row in rows):
         raise typer.Exit(INTERRUPTED)
 

@@ -208,14 +208,11 @@ def _add_sensors(mj: Any, spec: RobotSpec) -> SensorLayout:  # noqa: ANN401 - Mj
     sensor(name="com_velocity", type=kind.mjSENS_SUBTREELINVEL, objtype=body, objname=spec.torso)
     sensor(name="gyro", type=kind.mjSENS_GYRO, objtype=site, objname=spec.imu)
     sensor(name="accelerometer", type=kind.mjSENS_ACCELEROMETER, objtype=site, objname=spec.imu)
-    sensor(name="torso_up", type=kind.mjSENS_FRAMEZAXIS, objtype=body, objname=spec.torso)
+    # XBODY is the body's own frame; BODY would be that of its principal axes of inertia.
+    frame = mujoco.mjtObj.mjOBJ_XBODY
+    sensor(name="torso_up", type=kind.mjSENS_FRAMEZAXIS, objtype=frame, objname=spec.torso)
     for name in (spec.torso, spec.feet.left.body, spec.feet.right.body):
-        sensor(
-            name=f"{name}_position",
-            type=kind.mjSENS_FRAMEPOS,
-            objtype=mujoco.mjtObj.mjOBJ_XBODY,
-            objname=name,
-        )
+        sensor(name=f"{name}_position", type=kind.mjSENS_FRAMEPOS, objtype=frame, objname=name)
     return SensorLayout(cells=tuple(cells))
 
 

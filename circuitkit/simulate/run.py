@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
 from circuitkit.control import CircuitController, Controller, OpenLoop
-from circuitkit.errors import UnknownNameError
+from circuitkit.errors import MissingDependencyError, UnknownNameError
 from circuitkit.gait import Walk, load_gait
 from circuitkit.robots import (
     RobotModel,
@@ -103,6 +103,7 @@ class Result:
         recording: Every tick.
         verdict: What became of the robot.
         path: Where the recording was written; None if nowhere.
+        notes: What was asked for and could not be had, such as a film where nothing can draw one.
     """
 
     scenario: Scenario
@@ -110,6 +111,7 @@ class Result:
     recording: Recording
     verdict: Verdict
     path: Path | None
+    notes: tuple[str, ...] = ()
 
     def row(self) -> dict[str, Any]:
         """The result for a table or for JSON."""
@@ -125,6 +127,7 @@ class Result:
             "max_zmp_excursion_m": self.verdict.max_zmp_excursion_m,
             "recovery_time_s": self.verdict.recovery_time_s,
             "interrupted": self.recording.interrupted,
+            "notes": list(self.notes),
             "recording": None if self.path is None else str(self.path),
         }
 
@@ -184,9 +187,10 @@ def simulate(
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     name = controller or ("circuit" if circuit is not None else loaded.controller)
-    return _run(
-        make_plan(loaded, circuit), name, push, seed, output, video=video, view=view, progress=progress
-    )
+    result = _run(make_plan(loaded, circuit), name, push, seed, output, progress=progress)
+    if video and output is not None:
+        result = _with_film([result], Path(output) / "video.mp4", progress=progress)
+    return _shown(result) if view else result
 
 
 def compare(
@@ -209,7 +213,7 @@ def compare(
         push: `20N,200ms,inward` instead of the scenario's pushes.
         seed: Of the noise and of the push's jitter.
         output: Folder; each controller gets one in it.
-        video: Also film the robot.
+        video: Also film the robots, side by side.
         progress: Show a bar on a terminal.
 
     Raises:
@@ -222,20 +226,28 @@ def compare(
     results = []
     for name in controllers:
         folder = None if output is None else Path(output) / name
-        results.append(_run(plan, name, push, seed, folder, video=video, view=False, progress=progress))
+        results.append(_run(plan, name, push, seed, folder, progress=progress))
         if results[-1].recording.interrupted:
             break
     if output is not None:
         from circuitkit.simulate.pictures import draw_comparison
 
         draw_comparison(results, Path(output))
+    if video and output is not None:
+        path = Path(output) / "video.mp4"
+        results[-1] = _with_film(results, path, progress=progress)
     return results
 
 
 def _run(
-    plan: Plan, controller: str, push: str | None, seed: int | None, output: str | Path | None,
-    *, video: bool, view: bool, progress: bool,
-) -> Result:  # fmt: skip
+    plan: Plan,
+    controller: str,
+    push: str | None,
+    seed: int | None,
+    output: str | Path | None,
+    *,
+    progress: bool,
+) -> Result:
     scenario = plan.scenario
     pushes = scenario.pushes if push is None else (parse_push(push, scenario),)
     trial = Trial(scenario.seed if seed is None else seed, pushes)
@@ -244,21 +256,39 @@ def _run(
 
     with progress_bar(plan.walk.ticks, controller, shown=progress) as advance:
         recording = run_loop(setup, advance)
+    if recording.ticks == 0:
+        raise KeyboardInterrupt
+    path = None if output is None else recording.save(Path(output))
     verdict = judge(recording, scenario.thresholds)
-    path = None
-    if output is not None:
-        path = recording.save(Path(output))
     result = Result(scenario, pushes[0] if pushes else None, recording, verdict, path)
     if output is not None:
         from circuitkit.simulate.pictures import draw_result
 
         draw_result(result, Path(output))
-    if video and output is not None:
-        from circuitkit.simulate.video import film
+    return result
 
-        film(result, Path(output) / "video.mp4", progress=progress)
-    if view:
-        from circuitkit.simulate.watch import watch
 
+def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:
+    """Film the runs side by side; the last result, with a note if nothing here can make a film."""
+    from circuitkit.simulate.screen import RendererError
+    from circuitkit.simulate.video import film, film_side_by_side
+
+    try:
+        if len(results) == 1:
+            film(results[0], path, progress=progress)
+        else:
+            film_side_by_side(results, path, progress=progress)
+    except (RendererError, MissingDependencyError) as error:
+        return replace(results[-1], notes=(*results[-1].notes, f"no film: {error}"))
+    return results[-1]
+
+
+def _shown(result: Result) -> Result:
+    """Show the run in a window; with a note if there is none."""
+    from circuitkit.simulate.watch import DisplayError, watch
+
+    try:
         watch(result)
+    except DisplayError as error:
+        return replace(result, notes=(*result.notes, f"no window: {error}"))
     return result

@@ -48,7 +48,7 @@ class Push(FileModel):
     """A force on a body."""
 
     body: str = Field(
-        description="torso, left_foot, right_foot or a body of the MJCF; the force acts at its centre of mass."
+        description="torso, left_foot, right_foot or a body of the MJCF; acts at its centre of mass."
     )
     force: Newtons = Field(ge=0)
     direction: Annotated[str, BeforeValidator(_direction)] = Field(

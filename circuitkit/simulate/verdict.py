@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from circuitkit.circuit import CircuitGraph
 from circuitkit.errors import InputError, Problem, listing, suggest
+from circuitkit.gait import GaitSpec
 from circuitkit.simulate.loop import has_fallen
 from circuitkit.simulate.recording import Recording
 from circuitkit.simulate.scenario import Thresholds
 
 Array = NDArray[np.float64]
+
+_NOTHING_M = 1e-9  # rounding, not a crossing
 
 
 @dataclass(frozen=True)
@@ -25,8 +28,8 @@ class Verdict:
         time_of_fall_s: When it leaned by more than 45 degrees; None if it did not.
         max_zmp_excursion_m: How far the ZMP was outside the circuit's thresholds after the push began, at
             most; 0 if it never was.
-        recovery_time_s: From the first time outside to being back inside; None if it never was outside, or
-            never came back.
+        recovery_time_s: From the first time outside to being back inside for at least a whole step; None if
+            it never was outside, or never came back.
     """
 
     survived: bool
@@ -76,14 +79,21 @@ def judge(recording: Recording, thresholds: Thresholds, robot: int = 0) -> Verdi
     lines = threshold_lines(recording.circuit, thresholds)[recording.support[begin:end, robot]]
     zmp = recording.channel(thresholds.channel)[begin:end, robot]
     beyond = np.maximum(lines[:, 0] - zmp, zmp - lines[:, 1])
-    outside = np.flatnonzero(beyond > 0)
-    recovery = None
-    if len(outside):
-        inside = np.flatnonzero(beyond[outside[0] :] <= 0)
-        recovery = float(inside[0] * dt) if len(inside) else None
     return Verdict(
         survived=not fell,
         time_of_fall_s=float(recording.time_s[fallen[0]]) if fell else None,
         max_zmp_excursion_m=float(max(beyond.max(initial=0.0), 0.0)),
-        recovery_time_s=recovery,
+        recovery_time_s=_recovery_s(beyond > _NOTHING_M, recording.walk.gait),
     )
+
+
+def _recovery_s(outside: NDArray[np.bool_], gait: GaitSpec) -> float | None:
+    """From the first tick outside to the first after which a whole step is spent inside."""
+    crossings = np.flatnonzero(outside)
+    if len(crossings) == 0:
+        return None
+    quiet = np.diff(np.append(crossings, len(outside))) > gait.step_ticks
+    if not quiet.any():
+        return None
+    back = crossings[quiet.argmax()] + 1
+    return float((back - crossings[0]) * gait.control_step)
