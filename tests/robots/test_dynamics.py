@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import mujoco
 import numpy as np
 import pytest
@@ -24,12 +26,12 @@ def momentum_balance(positions):
     """ZMP from CoM and angular momentum by finite differences; shape (T - 2, 2).
 
     With forces only from the ground: m (c'' + g) is their sum and L' their moment about the CoM c, so
-    x = c_x - c_z c_x'' / (g + c_z'') - L_y' / (m (g + c_z'')), y = c_y - c_z c_y'' / (...) + L_x' / (m (...)).
+    x = c_x - c_z c_x'' / (g + c_z'') - L_y' / (m (g + c_z'')) and y likewise with + L_x'.
     """
     model, data = bare_nao(), mujoco.MjData(bare_nao())
     mass = model.body("torso").subtreemass[0]
     coms, momenta = [], []
-    for now, then in zip(positions[:-1], positions[1:], strict=True):
+    for now, then in pairwise(positions):
         velocity = np.zeros(model.nv)
         mujoco.mj_differentiatePos(model, velocity, DT, now, then)
         data.qpos[:] = now
@@ -93,7 +95,7 @@ def generalised_forces(walk):
 
 
 def test_torques_do_the_virtual_work_of_the_motion(walk):
-    """For any small motion that leaves the feet on the ground, ground forces do no work: the servos do it all."""
+    """In any small motion that leaves the feet on the ground, its forces do no work: the servos do it all."""
     robot = nao()
     torques = BodyDynamics(robot).torques(walk)
     checked = 0

@@ -226,9 +226,7 @@ def test_the_wrench_of_a_foot_is_the_sum_of_its_contacts():
         assert total[2] > 5
         point, load = centre_of_pressure(data.sensordata[None], robot.layout, side)
         assert load[0] == pytest.approx(total[2], rel=1e-9)
-        np.testing.assert_allclose(
-            point[0], [-moment[1] / total[2], moment[0] / total[2]], atol=2e-4
-        )
+        np.testing.assert_allclose(point[0], [-moment[1] / total[2], moment[0] / total[2]], atol=2e-4)
         assert data.sensordata[robot.layout.forces][4 * side : 4 * side + 4].sum() == pytest.approx(
             total[2], rel=1e-3
         )
