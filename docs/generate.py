@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import shutil
+import tempfile
 from pathlib import Path
 from unittest import mock
 
@@ -14,6 +16,7 @@ from circuitkit.files import write_text
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "img"
+STILLS_S = (5.68, 6.6, 7.2)  # during the push, and after it until one of them falls
 HEAD = """# The commands
 
 Written by `make docs` from what `--help` prints. Exit codes of all: 0 done, 1 the input is wrong, 2 wrong
@@ -42,6 +45,29 @@ def write_pictures() -> None:
     main(["draw", "binn_lateral", "-o", str(IMAGES / "binn_lateral.png")])
     curves = str(IMAGES / "binn_lateral_activations.png")
     main(["draw", "binn_lateral", "--what", "activations", "-o", curves])
+    write_push_pictures()
+
+
+def write_push_pictures() -> None:
+    """The pushed NAO under both controllers: the plot of the comparison, and stills of the film."""
+    from PIL import Image
+
+    from circuitkit.simulate import compare
+    from circuitkit.simulate.video import FRAMES_PER_S, Reel
+
+    with tempfile.TemporaryDirectory() as folder:
+        results = compare("nao_push", ["open_loop", "circuit"], output=folder)
+        shutil.copy(Path(folder) / "compare.png", IMAGES / "nao_push_compare.png")
+    stills = []
+    for result in results:
+        with contextlib.closing(Reel(result)) as reel:
+            stills.append([reel.frame(round(time_s * FRAMES_PER_S)) for time_s in STILLS_S])
+    width, height = stills[0][0].size
+    sheet = Image.new("RGB", (width * len(STILLS_S), height * len(stills)))
+    for row, frames in enumerate(stills):
+        for column, frame in enumerate(frames):
+            sheet.paste(frame, (column * width, row * height))
+    sheet.resize((sheet.width * 2 // 3, sheet.height * 2 // 3)).save(IMAGES / "nao_push.png", optimize=True)
 
 
 if __name__ == "__main__":

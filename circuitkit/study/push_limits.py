@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.gait.lipm import dcm, largest_push_force
-from circuitkit.simulate import Plan, Push, Scenario, load_scenario, make_plan
+from circuitkit.simulate import CONTROLLERS, Plan, Push, Scenario, load_scenario, make_plan
 from circuitkit.simulate.disturbance import Trial, push_start
 from circuitkit.simulate.loop import run_loop, run_to_see_who_stands
 
@@ -165,6 +165,13 @@ def table(gait: str, seeds: Sequence[int], progress: Callable[[str], object] | N
     return "\n".join(lines)
 
 
+def standing(scenario: Scenario, controller: str, direction: str, seeds: Sequence[int]) -> int:
+    """In how many runs of the scenario, pushed in this direction, the robot stands at the end."""
+    push = scenario.pushes[0].model_copy(update={"direction": direction})
+    plan = make_plan(scenario)
+    return int(run_to_see_who_stands(plan.setup(controller, [Trial(seed, (push,)) for seed in seeds])).sum())
+
+
 def _line(name: str, limits: Mapping[PushKind, float], last: str) -> str:
     return f"| {name} | " + " | ".join(f"{limits[kind]:.0f}" for kind in PUSH_KINDS) + f" | {last} |"
 
@@ -175,6 +182,11 @@ def main() -> None:
     parser.add_argument("gaits", nargs="*", default=["gait_march", "gait_walk_2cm"])
     parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N-1")
     arguments = parser.parse_args()
+    scenario = load_scenario("nao_push")
+    for direction in ("inward", "outward"):
+        counts = {name: standing(scenario, name, direction, range(arguments.seeds)) for name in CONTROLLERS}
+        found = ", ".join(f"{name} stands in {count}" for name, count in counts.items())
+        print(f"nao_push, {direction}, {arguments.seeds} seeds: {found}", flush=True)  # noqa: T201 - a script
     for gait in arguments.gaits:
         print(table(gait, range(arguments.seeds), lambda text: print(text, file=sys.stderr, flush=True)))  # noqa: T201 - a script
         print(flush=True)  # noqa: T201 - a script
