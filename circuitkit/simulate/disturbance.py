@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from circuitkit.errors import InputError, Problem, UnknownNameError
 from circuitkit.gait import LEFT, PHASES, Walk
+from circuitkit.gait.schedule import plan_steps
 from circuitkit.robots import RobotModel, body_number
 from circuitkit.simulate.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push
 
@@ -115,16 +116,18 @@ def push_start(push: Push, walk: Walk, number: int = 0) -> tuple[float, int]:
     Raises:
         InputError: The walk is over before.
     """
-    schedule, start = walk.schedule, push.start
+    schedule, start, gait = walk.schedule, push.start, walk.gait
     phase = PHASES.index(start.phase)
+    first_step = plan_steps(gait, 1)
+    moment = start.at * np.count_nonzero(first_step.phase == phase)
     ticks = np.flatnonzero((schedule.step == start.step) & (schedule.phase == phase))
-    if len(ticks) == 0:
-        last = int(schedule.step.max())
-        found = f"step {start.step} has no '{start.phase}' before the end"
-        message = f"{found}; allowed: steps 0 to {last}, or a longer duration"
+    if len(ticks) == 0 or moment > len(ticks):
+        whole_steps = (walk.ticks - np.count_nonzero(first_step.step < 0)) // gait.step_ticks
+        steps = f"steps 0 to {whole_steps - 1}, or " if whole_steps > 0 else ""
+        found = f"found step {start.step}, and the walk ends before that '{start.phase}'"
+        message = f"{found}; allowed: {steps}a longer duration"
         raise InputError(Problem("", 0, 0, f"pushes[{number}].start", message))
-    dt = walk.gait.control_step
-    return (ticks[0] + start.at * len(ticks)) * dt, int(schedule.support[ticks[0]])
+    return float(ticks[0] + moment) * gait.control_step, int(schedule.support[ticks[0]])
 
 
 def _body_push(body: int, entries: list[tuple[int, float, float, Array]], batch: int, dt: float) -> BodyPush:

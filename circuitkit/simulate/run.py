@@ -9,7 +9,7 @@ from typing import Any
 
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
 from circuitkit.control import CircuitController, Controller, OpenLoop
-from circuitkit.errors import MissingDependencyError, UnknownNameError
+from circuitkit.errors import InputError, MissingDependencyError, Problem, UnknownNameError
 from circuitkit.gait import Walk, load_gait
 from circuitkit.robots import (
     RobotModel,
@@ -151,8 +151,14 @@ def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
     with scenario.located("circuit"):
         graph = resolve(load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit))
         threshold_lines(graph, scenario.thresholds)
+    ticks = round(scenario.duration / gait.control_step)
+    with scenario.located("duration"):
+        if ticks == 0:
+            step = f"a control step of {gait.control_step:g} s, or more"
+            message = f"found {scenario.duration:g} s; allowed: {step}"
+            raise InputError(Problem("", 0, 0, "duration", message))
     with scenario.located("gait"):
-        walk, targets = plan_robot_walk(robot, gait, round(scenario.duration / gait.control_step))
+        walk, targets = plan_robot_walk(robot, gait, ticks)
     return Plan(scenario, robot, walk, targets, graph)
 
 
