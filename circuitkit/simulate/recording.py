@@ -14,8 +14,8 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.files import replacing, write_text
 from circuitkit.gait import PHASES, SIDES, Walk
 from circuitkit.gait.lipm import zmp_from_com
-from circuitkit.robots import RobotModel, robot_channels
-from circuitkit.robots.sensing import Observer, centre_of_pressure
+from circuitkit.robots import RobotModel, command_units, robot_channels
+from circuitkit.robots.sensing import Observer, centre_of_pressure, total_centre_of_pressure
 from circuitkit.simulate.disturbance import Fates, Trial
 
 Array = NDArray[np.float64]
@@ -96,15 +96,9 @@ class Recording:
     @cached_property
     def centre_of_pressure_m(self) -> Array:
         """Centre of pressure by contacts, from the middle between the feet; (T, B, 2); nan in the air."""
-        feet = np.stack([self.readings[..., self.robot.layout.foot(s)] for s in range(2)])
-        points = np.stack([centre_of_pressure(self.readings, self.robot.layout, s)[0] for s in range(2)])
-        loads = np.moveaxis(self.loads_n, -1, 0)
-        weights = np.where(np.isfinite(points[..., 0]), loads, 0.0)
-        total = weights.sum(axis=0)
-        mean = (np.nan_to_num(points) * weights[..., None]).sum(axis=0) / np.where(total > 0, total, np.nan)[
-            ..., None
-        ]
-        middle: Array = mean - feet[..., :2].mean(axis=0)
+        layout = self.robot.layout
+        feet = np.stack([self.readings[..., layout.foot(s)] for s in range(2)])
+        middle: Array = total_centre_of_pressure(self.readings, layout) - feet[..., :2].mean(axis=0)
         return middle
 
     @cached_property
@@ -123,7 +117,11 @@ class Recording:
     @cached_property
     def zmp_by_com_m(self) -> Array:
         """ZMP by eq. 2 from the centre of mass, from the middle between the feet; shape (T, B, 2)."""
-        acceleration = np.gradient(self.com_velocity[..., :2], self.walk.gait.control_step, axis=0)
+        velocity = self.com_velocity[..., :2]
+        if self.ticks == 1:  # no difference can be taken
+            acceleration = np.zeros_like(velocity)
+        else:
+            acceleration = np.gradient(velocity, self.walk.gait.control_step, axis=0)
         return zmp_from_com(self.com_m[..., :2], acceleration, self.com_m[..., 2:])
 
     def columns(self, robot: int = 0) -> dict[str, Array]:
@@ -184,23 +182,29 @@ class Recording:
         Returns:
             The path of `recording.nc`.
         """
-        columns = self.columns(robot)
+        columns, units = self.columns(robot), self._channel_units()
         path = folder / "recording.nc"
         with replacing(path) as part, netcdf_file(str(part), "w") as file:
             file.title = f"circuitkit recording, controller {self.controller}"
             file.phases = ", ".join(f"{i} {name}" for i, name in enumerate(PHASES))
             file.feet = ", ".join(SIDES)
             file.interrupted = int(self.interrupted)
-            file.seed = self.trials[robot].seed
+            file.seed = str(self.trials[robot].seed)  # NetCDF 3 has no whole numbers beyond 2^31
             file.createDimension("time_s", self.ticks)
             for name, values in columns.items():
                 variable = file.createVariable(name, "f8", ("time_s",))
                 variable[:] = values
-                variable.units = _unit_of(name)
+                variable.units = units.get(name) or _unit_of(name)
         table = np.column_stack(list(columns.values()))
         lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in table)]
         write_text(folder / "recording.csv", "\n".join(lines) + "\n")
         return path
+
+    def _channel_units(self) -> dict[str, str]:
+        """SI unit of each column of the controller's inputs and outputs, whose names do not tell it."""
+        read = {f"input_{name}": channel.unit for name, channel in robot_channels(self.robot).items()}
+        written = {f"output_{name}": unit for name, unit in command_units(self.robot).items()}
+        return {name: unit.dimension.si_symbol for name, unit in (read | written).items()}
 
 
 def _unit_of(column: str) -> str:
