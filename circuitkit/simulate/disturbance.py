@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import InputError, Problem, UnknownNameError
+from circuitkit.errors import InputError, Problem, UnknownNameError, suggest
 from circuitkit.gait import LEFT, PHASES, Walk
 from circuitkit.gait.schedule import plan_steps
 from circuitkit.robots import RobotModel, body_number
@@ -153,7 +153,8 @@ def fault_values(faults: Sequence[Fault], walk: Walk, robot: RobotModel) -> dict
     for number, fault in enumerate(faults):
         if fault.cell not in cells:
             message = f"the robot has no force cell '{fault.cell}'; allowed: {', '.join(cells)}"
-            raise InputError(Problem("", 0, 0, f"faults[{number}].cell", message))
+            where = f"faults[{number}].cell"
+            raise InputError(Problem("", 0, 0, where, message, suggest(fault.cell, cells)))
         dt = walk.gait.control_step
         for tick in range(
             round(fault.start / dt), min(round((fault.start + fault.duration) / dt), walk.ticks)
