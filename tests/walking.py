@@ -61,7 +61,8 @@ def a_push(**changes: Any) -> Push:
 
 def fault(cell: str = "LFsrFL", reading: str = "missing", start: float = 1.0, duration: float = 0.2) -> Fault:
     """A force cell that fails."""
-    return Fault.model_validate({"cell": cell, "reading": reading, "start": start, "duration": duration})
+    times = {"start": f"{start} s", "duration": f"{duration} s"}
+    return Fault.model_validate({"cell": cell, "reading": reading, **times})
 
 
 def walk_alone(plan: Plan, controller: str = "circuit", seed: int = 0) -> Recording:
