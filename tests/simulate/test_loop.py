@@ -1,0 +1,246 @@
+"""The closed loop: the same to the bit for any batch, threads and names; faults, falls and Ctrl-C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from robots.nao_files import renamed_robot
+from walking import a_push, assert_same_bits, fault, nao, plan_of, walk_alone
+
+from circuitkit.robots import load_robot
+from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulate.loop import has_fallen, run_loop, run_to_see_who_stands
+from circuitkit.simulate.scenario import Jitter, SensorNoise
+
+CHANCE = {
+    "jitter": Jitter.model_validate({"push_start": "20 ms", "base_velocity": "1 cm/s"}),
+    "sensor_noise": SensorNoise.model_validate({"force_cells": "0.2 N"}),
+}
+TRIALS = (
+    Trial(4, (a_push(force=12.0),)),
+    Trial(5, (a_push(force=9.0, direction="outward"), a_push(body="Head", force=2.0, step=1))),
+    Trial(6, ()),
+)
+
+
+@cache
+def plan():
+    """A march of 2.6 s with noise, under the circuit."""
+    return plan_of(duration=2.6, **CHANCE)
+
+
+@cache
+def batch():
+    """Three robots of different fates."""
+    return run_loop(plan().setup("circuit", TRIALS), threads=2)
+
+
+# --- the same to the bit ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("robot", range(3))
+def test_a_robot_alone_does_what_it_does_in_a_batch(robot):
+    alone = run_loop(plan().setup("circuit", TRIALS[robot : robot + 1]))
+    assert_same_bits(batch(), alone, [robot])
+
+
+def test_the_number_of_threads_changes_nothing():
+    assert_same_bits(batch(), run_loop(plan().setup("circuit", TRIALS), threads=1), range(3))
+
+
+def test_the_same_again_is_the_same_again():
+    setup = plan().setup("circuit", TRIALS)
+    assert_same_bits(run_loop(setup), run_loop(setup), range(3))
+
+
+def test_the_robots_of_the_batch_did_different_things():
+    last = batch().qpos[-1]
+    assert np.abs(np.diff(last, axis=0)).max(axis=1).min() > 1e-4
+    assert not np.isnan(batch().observations).any()
+
+
+def test_a_nao_with_other_names_needs_only_another_robot_file(tmp_path):
+    """Every body, joint, site and geom of the MJCF is called something else; the same happens to the bit."""
+    path = renamed_robot(tmp_path)
+    other_file = path.with_name("other.xml").read_text(encoding="utf-8")
+    assert not any(f'"{name}"' in other_file for name in (*nao().actuated, "torso", "l_ankle"))
+    trial = Trial(4, (a_push(force=12.0),))
+    same = plan_of(duration=1.8, **CHANCE)
+    other = plan_of(duration=1.8, robot=str(path), **CHANCE)
+    np.testing.assert_array_equal(other.targets, same.targets)
+    recording = run_loop(other.setup("circuit", [trial]))
+    assert_same_bits(run_loop(same.setup("circuit", [trial])), recording)
+    assert np.abs(recording.push_n).max() == 12.0
+
+
+def test_a_robot_file_may_have_sensors_of_its_own_names(tmp_path):
+    """The force cells are named by the robot file alone."""
+    path = renamed_robot(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").replace("LFsr", "Links"), encoding="utf-8")
+    assert list(load_robot(path).feet.left.cells) == ["LinksFL", "LinksFR", "LinksRL", "LinksRR"]
+    recording = walk_alone(plan_of(duration=1.1, robot=str(path)))
+    assert "LinksFL_n" in recording.columns()
+
+
+# --- what happens in a tick ---------------------------------------------------------------------------------
+
+
+def test_the_controller_reads_what_the_last_tick_left():
+    """Without noise and below the cells' limit, observation t is the channel of reading t - 1."""
+    recording = walk_alone(plan_of(duration=1.0))
+    for i, name in enumerate(recording.observation_names):
+        np.testing.assert_array_equal(recording.observations[1:, :, i], recording.channel(name)[:-1])
+
+
+def test_the_controller_reads_noise_and_the_robot_does_not():
+    """The open loop is not touched by noise; what the circuit reads is."""
+    quiet, noisy = plan_of(duration=1.0), plan_of(duration=1.0, sensor_noise=CHANCE["sensor_noise"])
+    assert_same_bits(walk_alone(quiet, "open_loop"), walk_alone(noisy, "open_loop"))
+    difference = walk_alone(noisy).observations[2:60] - walk_alone(quiet).observations[2:60]
+    zmp = list(walk_alone(noisy).observation_names).index("zmp_y")
+    # Eight cells of 0.2 N each about 70 mm from the middle, over 51 N.
+    assert difference[..., zmp].std() == pytest.approx(0.2 * np.sqrt(8) * 0.055 / 51, rel=0.3)
+
+
+def test_cells_read_no_more_than_their_range():
+    """25 N a cell: with 300 N of noise each shows 0 or 25 N, and the ZMP stays in the cells' hull."""
+    loud = SensorNoise.model_validate({"force_cells": "300 N"})
+    recording = walk_alone(plan_of(duration=0.5, sensor_noise=loud))
+    zmp = recording.observations[..., list(recording.observation_names).index("zmp_y")]
+    assert np.abs(zmp).max() <= 0.0799 + 1e-12
+    difference = recording.observations[..., list(recording.observation_names).index("force_difference")]
+    assert np.abs(difference).max() <= 1.0
+
+
+def test_commands_turn_the_ankles():
+    """What the circuit writes arrives at the robot: with it the joints differ, and by as much."""
+    recording = walk_alone(plan_of(duration=2.4, pushes=(a_push(force=14.0),)))
+    without = walk_alone(plan_of(duration=2.4, pushes=(a_push(force=14.0),)), "open_loop")
+    first = int(np.flatnonzero(np.abs(recording.commands[:, 0, 0]) > 1e-2)[0])
+    np.testing.assert_allclose(recording.qpos[: first - 20], without.qpos[: first - 20], atol=5e-3)
+    place = recording.robot.qpos_index[list(recording.robot.actuated).index("LAnkleRoll")]
+    turned = (recording.qpos - without.qpos)[:, 0, place]
+    assert np.corrcoef(turned[first : first + 25], recording.commands[first : first + 25, 0, 0])[0, 1] > 0.8
+
+
+def test_the_open_loop_follows_the_plan_and_records_no_neurons():
+    recording = walk_alone(plan_of(duration=0.3), "open_loop")
+    assert recording.commands.shape == (30, 1, 0)
+    assert recording.trace.shape == (30, 1, 0)
+    assert recording.controller == "open_loop"
+
+
+def test_a_push_gives_its_impulse_to_the_robot():
+    """Right after a short hard push the CoM is faster by F d / m, less what the standing leg takes."""
+    push = a_push(force=60.0, duration=0.02, direction="outward", at=0.5)
+    pushed, calm = (walk_alone(plan_of(duration=2.0, pushes=pushes), "open_loop") for pushes in ((push,), ()))
+    after = round(pushed.fates.windows_s[0, 1] / 0.01) + 1
+    faster = (pushed.com_velocity - calm.com_velocity)[after, 0]
+    assert 0.6 < faster[1] / (60 * 0.02 / nao().mass_kg) < 1.0
+    assert abs(faster[0]) < 0.03
+    np.testing.assert_array_equal(pushed.qpos[: after - 5], calm.qpos[: after - 5])
+
+
+# --- falling ------------------------------------------------------------------------------------------------
+
+
+def test_fallen_is_who_leans_beyond_45_degrees_or_lies():
+    layout = nao().layout
+    first = np.zeros((1, layout.width))
+    first[:, layout.com] = [0, 0, 0.27]
+    readings = np.repeat(first, 5, axis=0)[:, None]
+    angles = np.radians([0, 44, 46, 0, 0])
+    readings[:, 0, layout.torso_up] = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=1)
+    readings[3, 0, layout.com.start + 2] = 0.17
+    readings[4, 0, layout.com.start + 2] = 0.15
+    assert has_fallen(readings, nao(), first)[:, 0].tolist() == [False, False, True, False, True]
+
+
+def test_a_run_ends_soon_after_all_have_fallen_and_not_before():
+    hard = a_push(force=60.0, duration=0.3, direction="forward")
+    one = plan_of(duration=9.0)
+    recording = run_loop(one.setup("open_loop", [Trial(0, (hard,))]))
+    fallen = has_fallen(recording.readings, nao(), recording.readings[0])[:, 0]
+    assert fallen.any()
+    assert 60 <= recording.ticks - int(fallen.argmax()) <= 85
+    assert recording.ticks < 400
+    both = run_loop(one.setup("open_loop", [Trial(0, (hard,)), Trial(0, ())]))
+    assert both.ticks == 900
+    assert_same_bits(both, recording, [0])
+
+
+def test_seeing_who_stands_is_what_a_recording_shows():
+    hard = a_push(force=60.0, duration=0.3, direction="forward")
+    setup = plan_of(duration=3.0).setup("circuit", [Trial(0, ()), Trial(0, (hard,)), Trial(1, ())])
+    recording = run_loop(setup)
+    stands = ~has_fallen(recording.readings, nao(), recording.readings[0]).any(axis=0)
+    np.testing.assert_array_equal(run_to_see_who_stands(setup), stands)
+    assert stands.tolist() == [True, False, True]
+
+
+# --- missing readings and interruptions ---------------------------------------------------------------------
+
+
+def test_a_missing_cell_holds_the_command_and_the_run_goes_on():
+    """A cell fails during a push; until it is back the ankle stays where it was."""
+    pushes = (a_push(force=14.0, at=0.2),)
+    broken = fault("LFsrFL", "missing", 1.3, 0.1)
+    recording = walk_alone(plan_of(duration=2.4, pushes=pushes, faults=(broken,)))
+    whole = walk_alone(plan_of(duration=2.4, pushes=pushes))
+    assert recording.ticks == 240
+    np.testing.assert_array_equal(
+        np.isnan(recording.observations).any(axis=(1, 2)).nonzero()[0], range(130, 140)
+    )
+    held = recording.commands[129]
+    np.testing.assert_array_equal(recording.commands[130:140], np.repeat(held[None], 10, axis=0))
+    assert abs(held[0, 0]) > 0
+    assert np.isfinite(recording.commands).all()
+    assert np.isfinite(recording.qpos).all()
+    np.testing.assert_array_equal(recording.commands[:130], whole.commands[:130])
+    assert (recording.commands[140:] != whole.commands[140:]).any()
+    missing = recording.columns()["input_missing"]
+    np.testing.assert_array_equal(missing.nonzero()[0], range(130, 140))
+
+
+def test_a_fault_of_one_robot_does_not_touch_the_others():
+    setup = plan().setup("circuit", TRIALS)
+    factors = np.ones((3, 8))
+    factors[1, 2] = np.nan
+    recording = run_loop(replace(setup, cell_factors=dict.fromkeys(range(125, 160), factors)))
+    assert np.isnan(recording.observations[125:160, 1]).any(axis=1).all()
+    for name in ("readings", "qpos", "commands", "trace", "observations"):
+        found, whole = getattr(recording, name)[:, [0, 2]], getattr(batch(), name)[:, [0, 2]]
+        np.testing.assert_array_equal(found.view(np.int64), whole.view(np.int64))
+    held = recording.commands[125:160, 1]
+    np.testing.assert_array_equal(held, np.repeat(recording.commands[124:125, 1], 35, axis=0))
+
+
+def test_a_dead_cell_reads_zero_and_the_circuit_goes_on_with_it():
+    recording = walk_alone(plan_of(duration=0.6, faults=(fault("LFsrFL", "zero", 0.2, 0.1),)))
+    assert not np.isnan(recording.observations).any()
+    zmp = recording.observations[..., list(recording.observation_names).index("zmp_y")]
+    assert zmp[25, 0] < zmp[15, 0] - 0.002
+    assert not recording.columns()["input_missing"].any()
+
+
+def test_ctrl_c_keeps_what_was_recorded():
+    def stop(done):
+        if done == 120:
+            raise KeyboardInterrupt
+
+    setup = plan().setup("circuit", TRIALS)
+    recording = run_loop(setup, stop)
+    assert recording.interrupted
+    assert recording.ticks == 120
+    for name in ("readings", "qpos", "observations", "commands", "trace"):
+        np.testing.assert_array_equal(getattr(recording, name), getattr(batch(), name)[:120])
+    assert not batch().interrupted
+
+
+def test_progress_is_told_how_much_is_done():
+    told = []
+    run_loop(plan_of(duration=1.0).setup("open_loop", [Trial(0, ())]), told.append)
+    assert told == [20, 40, 60, 80, 100]
