@@ -193,7 +193,11 @@ def simulate(
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     name = controller or ("circuit" if circuit is not None else loaded.controller)
-    result = _run(make_plan(loaded, circuit), name, push, seed, output, progress=progress)
+    plan = make_plan(loaded, circuit)
+    if controller is None:
+        with loaded.located("controller"):
+            plan.controller(name)
+    result = _run(plan, name, push, seed, output, progress=progress)
     if video and output is not None:
         result = _with_film([result], Path(output) / "video.mp4", progress=progress)
     return _shown(result) if view else result
