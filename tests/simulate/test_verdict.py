@@ -1,0 +1,167 @@
+"""Verdicts on recordings made up by hand, and the lines at which a circuit's neurons stand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from simulate.made_up import EDGES, edges, recording
+from walking import scenario
+
+from circuitkit import load_circuit, parse_circuit, resolve
+from circuitkit.errors import InputError
+from circuitkit.simulate import judge, threshold_lines
+
+THRESHOLDS = scenario().thresholds
+ON_LEFT, ON_RIGHT, ON_BOTH = 0.97, 0.03, 0.5
+
+
+def verdict(**what):
+    return judge(recording(**what), THRESHOLDS)
+
+
+# --- lines --------------------------------------------------------------------------------------------------
+
+
+def test_lines_are_where_neurons_are_half_active():
+    """Shift over weight: 160 mm with a weight of 2 is 80 mm, 80 mm with a weight of -1 is -80 mm."""
+    np.testing.assert_allclose(
+        threshold_lines(edges(), THRESHOLDS), [[0.02, 0.08], [-0.08, -0.02], [-0.08, 0.08]]
+    )
+
+
+def test_lines_of_the_papers_network_are_the_edges_of_the_feet():
+    """As section 4.2 has it; by force cells these are the outermost and innermost cells."""
+    lines = threshold_lines(resolve(load_circuit("binn_lateral")), THRESHOLDS)
+    np.testing.assert_allclose(lines, [[0.0269, 0.0799], [-0.0799, -0.0269], [-0.0799, 0.0799]])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"left_foot": {"right": "q33", "left": "q4"}},
+            "thresholds.left_foot: found 'q33': no neuron of 'edges' with a shift that reads 'zmp_y'; "
+            "allowed: q1, q3, q2, q4; did you mean 'q3'?",
+        ),
+        (
+            {"both_feet": {"right": "q1", "left": "out"}},
+            "thresholds.both_feet: found 'out': no neuron of 'edges' with a shift that reads 'zmp_y'; "
+            "allowed: q1, q3, q2, q4",
+        ),
+        (
+            {"channel": "zmp_x"},
+            "thresholds.left_foot: found 'q3': no neuron of 'edges' with a shift that reads 'zmp_x'; "
+            "allowed: nothing",
+        ),
+    ],
+)
+def test_a_neuron_that_is_no_edge(changes, said):
+    data = THRESHOLDS.model_dump() | changes
+    with pytest.raises(InputError) as caught:
+        threshold_lines(edges(), type(THRESHOLDS).model_validate(data))
+    assert str(caught.value) == said
+
+
+# --- verdicts -----------------------------------------------------------------------------------------------
+
+
+def test_a_robot_that_stays_inside():
+    found = verdict(zmp_mm=79.0)
+    assert found.survived
+    assert found.time_of_fall_s is None
+    assert found.max_zmp_excursion_m == 0
+    assert found.recovery_time_s is None
+
+
+def test_a_crossing_of_eight_ticks():
+    """87 mm on both feet is 7 mm outside; back inside for good after 80 ms, like the paper's 84 ms."""
+    found = verdict(zmp_mm={60: 85.0, 63: 87.0, 68: 50.0})
+    assert found.max_zmp_excursion_m == pytest.approx(0.007)
+    assert found.recovery_time_s == pytest.approx(0.08)
+
+
+def test_the_right_edge_counts_as_the_left_one():
+    found = verdict(zmp_mm={60: -87.0, 68: 0.0})
+    assert found.max_zmp_excursion_m == pytest.approx(0.007)
+    assert found.recovery_time_s == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize(
+    ("left_load", "zmp_mm", "outside_mm"),
+    [(ON_LEFT, 10.0, 10.0), (ON_LEFT, 50.0, 0.0), (ON_LEFT, 95.0, 15.0), (ON_RIGHT, -15.0, 5.0),
+     (ON_RIGHT, -50.0, 0.0), (ON_BOTH, 10.0, 0.0), (0.94, 10.0, 0.0), (0.06, -10.0, 0.0)],
+)  # fmt: skip
+def test_edges_are_those_of_the_feet_that_carry(left_load, zmp_mm, outside_mm):
+    """A foot carries alone with more than 95 % of the weight."""
+    found = verdict(zmp_mm=zmp_mm, left_load=left_load)
+    assert found.max_zmp_excursion_m == pytest.approx(outside_mm * 1e-3, abs=1e-9)
+
+
+def test_a_short_return_is_no_recovery():
+    """Outside from 60 to 64 and again from 70 to 76: back for a whole step of 55 ticks only at 76."""
+    found = verdict(zmp_mm={60: 90.0, 64: 0.0, 70: 85.0, 76: 0.0})
+    assert found.recovery_time_s == pytest.approx(0.16)
+
+
+def test_a_second_excursion_after_a_quiet_step_is_another_one():
+    found = verdict(zmp_mm={60: 85.0, 64: 0.0, 130: 90.0, 140: 0.0})
+    assert found.recovery_time_s == pytest.approx(0.04)
+    assert found.max_zmp_excursion_m == pytest.approx(0.010)
+
+
+@pytest.mark.parametrize("zmp_mm", [{60: 90.0}, {60: 90.0, 290: 0.0}])
+def test_who_never_comes_back_for_a_step_has_not_recovered(zmp_mm):
+    found = verdict(zmp_mm=zmp_mm)
+    assert found.survived
+    assert found.recovery_time_s is None
+
+
+def test_only_what_comes_after_the_push_began_counts():
+    found = verdict(zmp_mm={20: 95.0, 40: 0.0, 120: 82.0, 125: 0.0}, push_s=(1.0, 1.2))
+    assert found.max_zmp_excursion_m == pytest.approx(0.002)
+    assert found.recovery_time_s == pytest.approx(0.05)
+
+
+def test_a_fall_ends_the_count():
+    """Row t is the end of tick t: a lean of 60 degrees from row 149 on is a fall at 1.5 s."""
+    found = verdict(zmp_mm={140: 85.0, 160: 120.0}, lean_deg={149: 60.0})
+    assert not found.survived
+    assert found.time_of_fall_s == pytest.approx(1.5)
+    assert found.max_zmp_excursion_m == pytest.approx(0.005)
+    assert found.recovery_time_s is None
+
+
+def test_a_lean_of_40_degrees_is_no_fall():
+    assert verdict(lean_deg={100: 40.0}).survived
+
+
+def test_a_fall_before_the_push_leaves_nothing_to_count():
+    found = verdict(zmp_mm={0: 95.0}, lean_deg={30: 60.0}, push_s=(2.0, 2.2))
+    assert not found.survived
+    assert found.max_zmp_excursion_m == 0
+    assert found.recovery_time_s is None
+
+
+def test_each_robot_of_a_batch_is_judged_by_itself():
+    from dataclasses import replace
+
+    one, two = recording(zmp_mm=90.0), recording(lean_deg={200: 80.0})
+    both = replace(
+        one,
+        readings=np.concatenate([one.readings, two.readings], axis=1),
+        trials=one.trials * 2,
+        fates=replace(one.fates, windows_s=np.full((2, 2), np.nan)),
+    )
+    assert judge(both, THRESHOLDS, 0) == judge(one, THRESHOLDS)
+    assert judge(both, THRESHOLDS, 1) == judge(two, THRESHOLDS)
+
+
+def test_weights_that_turn_an_edge_over_keep_it_where_it_is():
+    """q2 may as well see the mirrored ZMP with the mirrored shift; the line is the same."""
+    text = EDGES.replace(
+        "q2: {model: sigmoid, role: excitatory, slope: 100 /m, shift: -20 mm}",
+        "q2: {model: sigmoid, role: excitatory, slope: -100 /m, shift: 20 mm}",
+    )
+    text = text.replace("{from: zmp_y, to: q2, weight: 1}", "{from: zmp_y, to: q2, weight: -1}")
+    lines = threshold_lines(resolve(parse_circuit(text)), THRESHOLDS)
+    assert lines[1, 1] == pytest.approx(-0.02)
