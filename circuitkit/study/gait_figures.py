@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from circuitkit.gait import LEFT, RIGHT
+from circuitkit.gait import LEFT, RIGHT, GaitSpec
 from circuitkit.robots.sensing import centre_of_pressure
 from circuitkit.simulate import Plan, Recording
 from circuitkit.simulate.disturbance import Trial
@@ -70,12 +71,6 @@ def gait_figures(recording: Recording) -> GaitFigures:
     free = (load < _UNLOADED * total)[single]
 
     torso = readings[:, layout.torso]
-    way = float(torso[-1, 0] - torso[0, 0])
-    gait = recording.walk.gait
-    cycle = 2 * gait.step_ticks  # the same phase of the gait, so that the sway does not count as drift
-    whole = (recording.ticks - 1) // cycle * cycle
-    drift = float(abs(torso[whole, 1] - torso[cycle, 1]))
-    forward = gait.step_length > 0
     commands = recording.commands[:, 0]
     return GaitFigures(
         fell=bool(has_fallen(recording.readings, robot, recording.readings[0]).any()),
@@ -83,7 +78,18 @@ def gait_figures(recording: Recording) -> GaitFigures:
         inside_10mm=float((margin >= 0.010).mean()),  # noqa: PLR2004 - as its name says
         margin_5pct_m=float(np.percentile(margin, 5)),
         swing_free=float(free.mean()) if len(free) else 0.0,
-        way_m=way,
-        drift_per_2m_m=drift / max(way, 1e-9) * 2.0 if forward else 0.0,
+        way_m=float(torso[-1, 0] - torso[0, 0]),
+        drift_per_2m_m=_drift_per_2m(torso, recording.walk.gait),
         ankle_rms_deg=float(np.degrees(np.sqrt((commands**2).mean()))) if commands.size else 0.0,
     )
+
+
+def _drift_per_2m(torso: NDArray[np.float64], gait: GaitSpec) -> float:
+    """Sideways on 2 m forward, between equal phases so that the sway does not count; 0 on the spot."""
+    start = round(gait.stand / gait.control_step) + _SETTLED_STEPS * gait.step_ticks
+    cycle = 2 * gait.step_ticks
+    cycles = (len(torso) - 1 - start) // cycle
+    if gait.step_length == 0 or cycles < 1:
+        return 0.0
+    forward, sideways, _ = torso[start + cycles * cycle] - torso[start]
+    return float(abs(sideways) / max(forward, 1e-9) * 2.0)
