@@ -49,8 +49,8 @@ def edges():
 
 @cache
 def march() -> Walk:
-    """Three seconds of marching."""
-    return plan_walk(load_gait("gait_march"), nao().spec.legs.geometry(), 300)[0]
+    """Six seconds of marching."""
+    return plan_walk(load_gait("gait_march"), nao().spec.legs.geometry(), 600)[0]
 
 
 def recording(
