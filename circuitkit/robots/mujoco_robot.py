@@ -124,15 +124,14 @@ class MujocoRobot:
             tick: Row of the walk.
             commands: Shape (B, m), SI units.
         """
-        self._ctrl[:] = self._targets[tick]
-        for channel, row in enumerate(self._mixing):
-            self._ctrl += commands[:, channel : channel + 1] * row
+        np.vecdot(commands[:, None], self._mixing, self._ctrl)
+        np.add(self._ctrl, self._targets[tick], self._ctrl)
         self._worlds.step(nstep=self._substeps)
 
     def _command_matrix(self, names: Sequence[str]) -> Array:
-        """Weights of each command for all servos; shape (m, n)."""
-        matrix = np.zeros((len(names), len(self.model.actuated)))
-        for row, name in zip(matrix, names, strict=True):
+        """Weights of the commands for each servo; shape (n, m)."""
+        matrix = np.zeros((len(self.model.actuated), len(names)))
+        for row, name in zip(matrix.T, names, strict=True):
             if name not in self.model.spec.commands:
                 kind = "command of the robot"
                 raise UnknownNameError(kind, name, self.model.spec.commands)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -187,21 +186,40 @@ class Observer:
         self._least = np.array([_LEAST_LOAD_N if c.denominator.any() else 1.0 for c in chosen])
 
     def __call__(self, readings: Array) -> Array:
-        """Channels, shape (B, k), of readings, shape (B, s)."""
-        sums = np.add.reduce(readings[:, None, self._columns] * self._weights, axis=2)
-        values: Array = sums[:, : self._count] / np.maximum(sums[:, self._count :], self._least)
-        if not math.isfinite(np.add.reduce(values, axis=None)):
-            self._without_missing(readings, values)
-        return values
+        """Channels, shape (B, k), of readings, shape (B, s), all of which are numbers."""
+        return self._divided(np.vecdot(readings[:, None, self._columns], self._weights))
 
-    def _without_missing(self, readings: Array, values: Array) -> None:
-        """Again for robots that miss a reading: zero times not-a-number is no zero, so channels that do not
-        use the reading would miss it as well.
-        """  # noqa: D205 - the reason is a sentence
-        robots = ~np.isfinite(values).all(axis=1)
-        used = np.where(self._weights != 0, readings[robots][:, None, self._columns] * self._weights, 0.0)
-        sums = np.add.reduce(used, axis=2)
-        values[robots] = sums[:, : self._count] / np.maximum(sums[:, self._count :], self._least)
+    def bound(self, readings: Array) -> Callable[[Array], object]:
+        """The same for one array of readings that changes in place, without making arrays on the way.
+
+        Args:
+            readings: Shape (B, s).
+
+        Returns:
+            What writes the channels into an array of shape (B, k).
+        """
+        view, weights, least = readings[:, None, self._columns], self._weights, self._least
+        sums = np.empty((len(readings), len(weights)))
+        above, below = sums[:, : self._count], sums[:, self._count :]
+
+        def observe(values: Array) -> None:
+            np.vecdot(view, weights, sums)
+            np.maximum(below, least, out=below)
+            np.divide(above, below, values)
+
+        return observe
+
+    def where_some_are_missing(self, readings: Array) -> Array:
+        """The same for readings that may be missing (not a number), to the same bits where none is.
+
+        Zero times not-a-number is no zero: here a channel misses only the readings that it uses.
+        """
+        used = np.where(self._weights != 0, readings[:, None, self._columns], 0.0)
+        return self._divided(np.vecdot(used, self._weights))
+
+    def _divided(self, sums: Array) -> Array:
+        values: Array = sums[:, : self._count] / np.maximum(sums[:, self._count :], self._least)
+        return values
 
 
 def centre_of_pressure(readings: Array, layout: SensorLayout, side: int) -> tuple[Array, Array]:

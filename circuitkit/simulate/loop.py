@@ -137,7 +137,6 @@ def _start(setup: Setup, threads: int | None, *, keep: bool) -> tuple[MujocoRobo
 
 def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]:
     """Do one tick after the other; yields how many are done."""
-    observe = robot.observer(setup.controller.observations)
     sense = _Senses(setup, robot)
     control, advance = setup.controller.step, robot.advance
     readings, qpos = robot.readings, robot.qpos
@@ -146,9 +145,10 @@ def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]
     last = setup.walk.ticks - 1
     pushes = setup.fates.pushes
     for tick in range(setup.walk.ticks):
+        observation = record.observations[tick]
         if reads:
-            record.observations[tick] = observe(sense(tick))
-        record.commands[tick] = commands = control(record.observations[tick], record.trace[tick])
+            sense(tick, observation)
+        record.commands[tick] = commands = control(observation, record.trace[tick])
         for push in pushes:
             if 0 <= tick - push.first_tick < len(push.forces):
                 robot.push(push.body, push.forces[tick - push.first_tick])
@@ -166,24 +166,30 @@ def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]
 
 
 class _Senses:
-    """Sensor readings as the controller gets them: with noise and faults, within the cells' range."""
+    """Sensors as the controller gets them: with noise and faults, within the cells' range."""
 
     def __init__(self, setup: Setup, robot: MujocoRobot) -> None:
-        self._true = robot.readings
-        self._noisy = robot.readings.copy()
-        self._cells = self._noisy[:, setup.robot.layout.forces]
-        self._noise = setup.fates.cell_noise
+        cells = setup.robot.layout.forces
+        self._seen = robot.readings.copy()
+        self._seen_cells, self._true_cells = self._seen[:, cells], robot.readings[:, cells]
+        self._seen_others, self._true_others = self._seen[:, cells.stop :], robot.readings[:, cells.stop :]
+        silence = np.zeros_like(self._true_cells)
+        noise = setup.fates.cell_noise
+        self._noise = np.broadcast_to(silence, (setup.walk.ticks, *silence.shape)) if noise is None else noise
         self._factors = setup.cell_factors
-        self._low, self._high = setup.robot.spec.force_cells.range
+        self._low, self._high = (np.full_like(silence, end) for end in setup.robot.spec.force_cells.range)
+        self._observer = robot.observer(setup.controller.observations)
+        self._observe = self._observer.bound(self._seen)
 
-    def __call__(self, tick: int) -> Array:
-        """Readings at the start of a tick; shape (B, s)."""
-        self._noisy[...] = self._true
-        if self._noise is not None:
-            self._cells += self._noise[tick]
-        np.maximum(self._cells, self._low, out=self._cells)
-        np.minimum(self._cells, self._high, out=self._cells)
+    def __call__(self, tick: int, observation: Array) -> None:
+        """Write the channels at the start of a tick; shape (B, k)."""
+        cells = self._seen_cells
+        np.add(self._true_cells, self._noise[tick], cells)
+        np.maximum(cells, self._low, out=cells)
+        np.minimum(cells, self._high, out=cells)
+        self._seen_others[...] = self._true_others
         if tick in self._factors:
-            self._cells *= self._factors[tick]
-        noisy: Array = self._noisy
-        return noisy
+            cells *= self._factors[tick]
+            observation[...] = self._observer.where_some_are_missing(self._seen)
+        else:
+            self._observe(observation)
