@@ -1,4 +1,4 @@
-"""The paper's main claim on small cuts of the studies: the circuit holds the pushed robot, the open loop does not."""
+"""The main claim on small cuts of the studies: the circuit holds the pushed robot, the open loop does not."""
 
 from __future__ import annotations
 
