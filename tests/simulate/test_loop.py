@@ -105,14 +105,31 @@ def test_the_controller_reads_noise_and_the_robot_does_not():
     assert difference[..., zmp].std() == pytest.approx(0.2 * np.sqrt(8) * 0.055 / 51, rel=0.3)
 
 
-def test_cells_read_no_more_than_their_range():
-    """25 N a cell: with 300 N of noise each shows 0 or 25 N, and the ZMP stays in the cells' hull."""
+def test_cells_read_no_less_and_no_more_than_their_range():
+    """With 300 N of noise none reads less than 0, so the ZMP stays in their hull.
+
+    Cells that can show 1 N at most all show that while the robot stands, so the ZMP is their mean.
+    """
     loud = SensorNoise.model_validate({"force_cells": "300 N"})
     recording = walk_alone(plan_of(duration=0.5, sensor_noise=loud))
-    zmp = recording.observations[..., list(recording.observation_names).index("zmp_y")]
-    assert np.abs(zmp).max() <= 0.0799 + 1e-12
-    difference = recording.observations[..., list(recording.observation_names).index("force_difference")]
-    assert np.abs(difference).max() <= 1.0
+    zmp = list(recording.observation_names).index("zmp_y")
+    assert np.abs(recording.observations[..., zmp]).max() <= 0.0799 + 1e-12
+
+    cells = nao().spec.force_cells.model_copy(update={"range": (0.0, 1.0)})
+    spec = nao().spec.model_copy(update={"force_cells": cells})
+    recording = walk_alone(plan_of(duration=0.5))
+    weak = walk_alone(replace(plan_of(duration=0.5), robot=replace(nao(), spec=spec)))
+    assert np.abs(weak.observations[10:40, 0, zmp]).max() < 1e-12 < np.abs(recording.observations[40, 0, zmp])
+
+
+def test_robots_start_with_the_velocity_that_was_drawn():
+    """Standing legs take a part of it within the first tick."""
+    hasty = Jitter.model_validate({"base_velocity": "5 cm/s"})
+    setup = plan_of(duration=0.02, jitter=hasty).setup("open_loop", [Trial(seed, ()) for seed in range(12)])
+    drawn, found = setup.fates.base_velocity, run_loop(setup).com_velocity[0, :, :2]
+    for axis in (0, 1):
+        assert np.corrcoef(drawn[:, axis], found[:, axis])[0, 1] > 0.95
+        assert 0.2 < np.polyfit(drawn[:, axis], found[:, axis], 1)[0] < 1.1
 
 
 def test_commands_turn_the_ankles():
