@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from robots.nao_files import renamed_robot
+from simulate.made_up import EDGES
 from walking import a_push, assert_same_bits, fault, nao, plan_of, walk_alone
 
 from circuitkit.robots import load_robot
@@ -93,6 +94,30 @@ def test_the_controller_reads_what_the_last_tick_left():
     recording = walk_alone(plan_of(duration=1.0))
     for i, name in enumerate(recording.observation_names):
         np.testing.assert_array_equal(recording.observations[1:, :, i], recording.channel(name)[:-1])
+
+
+def test_a_circuit_may_read_any_sensor(tmp_path):
+    """Here the gyro and the speed of the CoM, with noise on the force cells: those alone are noisy."""
+    text = EDGES.replace(
+        "neurons:",
+        "  gyro_x: {unit: deg/s, range: [-100 deg/s, 100 deg/s]}\n"
+        "  com_velocity_y: {unit: m/s, range: [-1 m/s, 1 m/s]}\n"
+        "neurons:\n"
+        "  g: {model: sigmoid, role: excitatory, slope: 1 s/rad, shift: 0 rad/s}\n"
+        "  v: {model: sigmoid, role: excitatory, slope: 1 s/m, shift: 0 m/s}",
+    ).replace(
+        "synapses:",
+        "synapses:\n  - {from: gyro_x, to: g, weight: 1}\n  - {from: com_velocity_y, to: v, weight: 1}",
+    )
+    text = text.replace("readout: {out: 1 deg}", "readout: {out: 1 deg, g: 0.1 deg, v: 0.1 deg}")
+    (tmp_path / "moving.yaml").write_text(text, encoding="utf-8")
+    plan = plan_of(str(tmp_path / "moving.yaml"), duration=1.0, sensor_noise=CHANCE["sensor_noise"])
+    recording = walk_alone(plan)
+    assert recording.observation_names == ("zmp_y", "gyro_x", "com_velocity_y")
+    for i, name in enumerate(recording.observation_names):
+        read, true = recording.observations[1:, :, i], recording.channel(name)[:-1]
+        assert np.array_equal(read, true) == (name != "zmp_y")
+        assert np.ptp(read) > 1e-3
 
 
 def test_the_controller_reads_noise_and_the_robot_does_not():
