@@ -32,10 +32,11 @@ class Setup:
         walk: The walk.
         targets: Of its servos; shape (T, n).
         controller: What adds to the walk.
-        circuit: The circuit whose thresholds count.
+        circuit: The circuit, in use or not.
         trials: B robots' fates.
         fates: The same as arrays.
         cell_factors: For ticks with a fault, what force cells let through.
+        yardstick: The circuit whose thresholds count if this one has none.
     """
 
     robot: RobotModel
@@ -46,6 +47,7 @@ class Setup:
     trials: tuple[Trial, ...]
     fates: Fates
     cell_factors: dict[int, Array]
+    yardstick: CircuitGraph | None = None
 
 
 def has_fallen(readings: Array, robot: RobotModel, first: Array) -> NDArray[np.bool_]:
@@ -110,7 +112,7 @@ def run_loop(
         setup.walk, setup.robot, setup.trials, setup.fates, controller.name, setup.circuit,
         record.readings[:done], record.qpos[:done], record.observations[:done],
         record.commands[:done], record.trace[:done],
-        controller.observations, controller.commands, controller.trace_names, interrupted,
+        controller.observations, controller.commands, controller.trace_names, interrupted, setup.yardstick,
     )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ class Recording:
         trials: Their fates.
         fates: The same as arrays.
         controller: Name of the controller.
-        circuit: The circuit whose thresholds count.
+        circuit: The circuit, in use or not.
         readings: True sensor readings; shape (T, B, s).
         qpos: Positions; shape (T, B, nq).
         observations: What the controller read at the start of the tick, by channel; shape (T, B, k).
@@ -43,6 +43,7 @@ class Recording:
         command_names: The m channels.
         trace_names: The n names.
         interrupted: Whether the run was stopped before its end.
+        yardstick: The circuit whose thresholds count if this one has none.
     """
 
     walk: Walk
@@ -60,6 +61,7 @@ class Recording:
     command_names: tuple[str, ...]
     trace_names: tuple[str, ...]
     interrupted: bool = False
+    yardstick: CircuitGraph | None = None
 
     @property
     def ticks(self) -> int:

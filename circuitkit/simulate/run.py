@@ -36,6 +36,7 @@ class Plan:
         walk: The walk.
         targets: What its servos are sent; shape (T, n).
         circuit: The circuit.
+        yardstick: The circuit whose thresholds count if this one has none: that of the scenario.
     """
 
     scenario: Scenario
@@ -43,6 +44,7 @@ class Plan:
     walk: Walk
     targets: Any
     circuit: CircuitGraph
+    yardstick: CircuitGraph | None = None
 
     def controller(self, name: str) -> Controller:
         """A controller by its name.
@@ -78,6 +80,7 @@ class Plan:
             trials=tuple(trials),
             fates=fates,
             cell_factors=factors,
+            yardstick=self.yardstick,
         )
 
 
@@ -149,8 +152,9 @@ def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
     with scenario.located("servo_profile"):
         robot = build_model(spec.with_servos(scenario.servo_profile))
     with scenario.located("circuit"):
-        graph = resolve(load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit))
-        threshold_lines(graph, scenario.thresholds)
+        graph = _own_circuit(scenario) if circuit is None else resolve(load_circuit(circuit))
+        yardstick = None if circuit is None or _has_thresholds(graph, scenario) else _own_circuit(scenario)
+        threshold_lines(yardstick or graph, scenario.thresholds)
     ticks = round(scenario.duration / gait.control_step)
     with scenario.located("duration"):
         if ticks == 0:
@@ -159,7 +163,20 @@ def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
             raise InputError(Problem("", 0, 0, "duration", message))
     with scenario.located("gait"):
         walk, targets = plan_robot_walk(robot, gait, ticks)
-    return Plan(scenario, robot, walk, targets, graph)
+    return Plan(scenario, robot, walk, targets, graph, yardstick)
+
+
+def _own_circuit(scenario: Scenario) -> CircuitGraph:
+    return resolve(load_circuit(scenario.file(scenario.circuit)))
+
+
+def _has_thresholds(graph: CircuitGraph, scenario: Scenario) -> bool:
+    """Whether a circuit has the neurons at the edges that the scenario names; one's own idea need not."""
+    try:
+        threshold_lines(graph, scenario.thresholds)
+    except InputError:
+        return False
+    return True
 
 
 def simulate(

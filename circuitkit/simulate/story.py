@@ -131,7 +131,7 @@ def tell(result: Result, robot: int = 0) -> Story:
     recording = result.recording
     layout = recording.robot.layout
     support = recording.support[:, robot]
-    lines = threshold_lines(recording.circuit, result.scenario.thresholds)
+    lines = threshold_lines(recording.yardstick or recording.circuit, result.scenario.thresholds)
     carried = recording.loads_n[:, robot].sum(axis=-1) > _LEAST_LOAD_N
     upward = recording.readings[:, robot, layout.torso_up.start + 2]
     zmp = recording.channel(result.scenario.thresholds.channel)[:, robot]

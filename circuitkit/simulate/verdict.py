@@ -76,7 +76,9 @@ def judge(recording: Recording, thresholds: Thresholds, robot: int = 0) -> Verdi
     start = recording.fates.windows_s[robot, 0]
     begin = 0 if np.isnan(start) else round(start / dt)
     end = int(fallen[0]) if fell else recording.ticks
-    lines = threshold_lines(recording.circuit, thresholds)[recording.support[begin:end, robot]]
+    lines = threshold_lines(recording.yardstick or recording.circuit, thresholds)[
+        recording.support[begin:end, robot]
+    ]
     zmp = recording.channel(thresholds.channel)[begin:end, robot]
     beyond = np.maximum(lines[:, 0] - zmp, zmp - lines[:, 1])
     return Verdict(

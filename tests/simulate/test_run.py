@@ -277,3 +277,26 @@ def test_a_plan_serves_several_runs(mine):
     assert len(setup.trials) == 2
     assert setup.fates.cell_noise.shape == (240, 2, 8)
     assert sorted(setup.cell_factors) == list(range(100, 110))
+
+
+def test_a_circuit_of_ones_own_needs_no_neurons_at_the_edges(tmp_path):
+    """The thresholds of the scenario's circuit count then, as they do for the open loop."""
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        """
+circuit: own
+control_step: 10 ms
+timing: ordered
+inputs: {gyro_x: {unit: rad/s, range: [-5 rad/s, 5 rad/s]}}
+neurons: {tilting: {model: sigmoid, role: excitatory, slope: 10 s/rad, shift: 1 rad/s}}
+synapses: [{from: gyro_x, to: tilting, weight: 1}]
+outputs: {ankle_roll: {unit: deg, readout: {tilting: 1 deg}}}
+"""
+    )
+    scenario = load_scenario("nao_push").model_copy(update={"duration": 2.0, "pushes": ()})
+    result = simulate(scenario, circuit=own)
+    assert result.verdict.survived
+    assert (
+        result.verdict.max_zmp_excursion_m
+        == simulate(scenario, controller="open_loop").verdict.max_zmp_excursion_m
+    )
