@@ -84,7 +84,7 @@ def test_the_search_charges_a_fall_more_than_anything_else():
     assert 0.0 < gait_search.cost(dirty) < gait_search.cost(fallen)
 
 
-def test_the_shipped_gait_is_what_the_search_found():
+def test_the_shipped_gaits_share_the_numbers_of_the_search():
     found = {
         "zmp_forward": 0.0257,
         "zmp_sideways": 0.059,
