@@ -8,6 +8,7 @@ import sys
 from contextlib import nullcontext
 from types import SimpleNamespace
 
+import imageio_ffmpeg
 import mujoco
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def frames(renderer, pushed):  # noqa: ARG001 - skips without one
 
 def decoded(path, size):
     """Frames of a film of a size, and what ffmpeg says about it."""
-    ffmpeg = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
+    ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
     command = [ffmpeg, "-hide_banner", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
     done = subprocess.run(command, capture_output=True, check=True)
     pictures = np.frombuffer(done.stdout, np.uint8).reshape(-1, size[1], size[0], 3)
@@ -248,7 +249,6 @@ def graphics(monkeypatch):
 
 
 def test_without_a_renderer_the_message_names_the_missing_package(graphics, pushed, tmp_path):
-    pytest.importorskip("imageio_ffmpeg")
     graphics(set())
     with pytest.raises(RendererError) as caught:
         film(pushed, tmp_path / "film.mp4")
