@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from circuitkit.circuit import CircuitGraph, parse_circuit, resolve
-from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.source import dump_yaml
 
 UNITS = ("1", "mm", "m", "deg", "N", "%")
@@ -48,7 +48,7 @@ def inputs(draw: st.DrawFn) -> dict[str, Any]:
 @st.composite
 def neurons(draw: st.DrawFn, unit: str) -> dict[str, Any]:
     """A neuron of any model whose activation has this unit; parameters with a default may be left out."""
-    model = neuron_model(draw(st.sampled_from(MODEL_NAMES)))
+    model = neuron_model(draw(st.sampled_from(NEURON_MODEL_NAMES)))
     units = {"activation": unit, "1/activation": reciprocal(unit), "1": "1"}
     entry: dict[str, Any] = {"model": model.name, "role": draw(st.sampled_from(["excitatory", "inhibitory"]))}
     numbers = {each.name: draw(signed) for each in model.parameters}
@@ -58,7 +58,7 @@ def neurons(draw: st.DrawFn, unit: str) -> dict[str, Any]:
     for each in model.parameters:
         decides_unit = unit != "1" and model.parameters[0].name == each.name
         if each.default is None or decides_unit or draw(st.booleans()):
-            entry[each.name] = with_unit(numbers[each.name], units[each.unit_rule])
+            entry[each.name] = with_unit(numbers[each.name], units[each.unit_rule.text])
     return entry
 
 

@@ -66,11 +66,8 @@ def _si(dimension: Dimension) -> Unit:
 
 def parameter_unit(neuron: Neuron, parameter: ModelParameter) -> Unit:
     """The unit in which a parameter of a neuron is shown."""
-    if parameter.unit_rule == "activation":
-        return neuron.activation_unit
-    if parameter.unit_rule == "1/activation":
-        return _si(Dimension().times(neuron.activation_unit.dimension, -1))
-    return DIMENSIONLESS
+    dimension = parameter.unit_rule.dimension(neuron.activation_unit.dimension)
+    return neuron.activation_unit if dimension == neuron.activation_unit.dimension else _si(dimension)
 
 
 def weight_unit(graph: CircuitGraph, synapse: Synapse) -> Unit:

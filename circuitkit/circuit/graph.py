@@ -7,13 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from circuitkit.circuit.models import NeuronModel
+from circuitkit.circuit.models import STATIC, NeuronModel, SynapseModel
 from circuitkit.units import Quantity, Unit
 
 if TYPE_CHECKING:
     import networkx
+    import numpy as np
+    import numpy.typing as npt
+
+# One value for all members of a population or synapses of a projection, or an array with one for each. In quotes,
+# since a file is checked without numpy.
+PerMember: TypeAlias = "float | npt.NDArray[np.float64]"
 
 Timing = Literal["as_printed", "synchronous", "ordered"]
 Role = Literal["excitatory", "inhibitory"]
@@ -67,6 +73,9 @@ class Neuron:
         parameters: A value for every parameter of the model, [SI].
         activation_unit: The unit in which its activation is shown.
         description: In words.
+        initial: Start of every state of the model, [SI].
+        noise: Standard deviation of the noise on its activation: for a continuous model that of white noise,
+            [SI unit of the activation * sqrt(s)], for others that of every control step, [SI unit of it].
         origin: Where it is declared.
     """
 
@@ -76,18 +85,54 @@ class Neuron:
     parameters: Mapping[str, float]
     activation_unit: Unit
     description: str = ""
+    initial: Mapping[str, float] = field(default_factory=dict)
+    noise: float = 0.0
     origin: Origin = field(default=NO_ORIGIN, compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """Neurons of one model, each with its own values; member i is called `NAME[i]`, from 0.
+
+    Attributes:
+        name: Its name.
+        size: Number of neurons.
+        model: The equations.
+        role: What the outgoing weights may be.
+        parameters: As a neuron's, per member, shape () or (size,), [SI].
+        activation_unit: The unit in which the activations are shown.
+        description: In words.
+        initial: As a neuron's, per member.
+        noise: As a neuron's, per member.
+        origin: Where it is declared.
+    """
+
+    name: str
+    size: int
+    model: NeuronModel
+    role: Role
+    parameters: Mapping[str, PerMember]
+    activation_unit: Unit
+    description: str = ""
+    initial: Mapping[str, PerMember] = field(default_factory=dict)
+    noise: PerMember = 0.0
+    origin: Origin = NO_ORIGIN
 
 
 @dataclass(frozen=True)
 class Synapse:
-    """A connection: adds `weight * source` to the activation of the target (eq. 11).
+    """A connection: adds what its model says, else `weight * source`, to the target's activation (eq. 11).
 
     Attributes:
-        source: Name of an input or of a neuron.
-        target: Name of a neuron.
-        weight: Signed weight, [SI unit of the target's activation / SI unit of the source].
+        source: Name of an input, of a neuron, or of a member of a population.
+        target: Name of a neuron or of a member of a population.
+        weight: Weight; of the static model, signed, [SI unit of the target's activation / that of the source].
         kind: Sensorial if it comes from an input, else the role of the source neuron.
+        model: The equations.
+        parameters: A value for every parameter of the model, [SI].
+        initial: Start of every state of the model, [SI].
+        delay_s: Age of the source's output that arrives, beyond what the timing makes it, [s].
+        gate: Name of the neuron (or member) whose output the model calls `gate`; empty for none.
         origin: Where it is declared.
     """
 
@@ -95,7 +140,48 @@ class Synapse:
     target: str
     weight: float
     kind: SynapseKind
+    model: SynapseModel = STATIC
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    initial: Mapping[str, float] = field(default_factory=dict)
+    delay_s: float = 0.0
+    gate: str = ""
     origin: Origin = field(default=NO_ORIGIN, compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Many synapses of one model from one node to another, as a sparse matrix by rows of targets (CSR).
+
+    Synapses k = indptr[j] ... indptr[j + 1] - 1 lead to member j of the target, from members `sources[k]`.
+
+    Attributes:
+        source: Name of an input, a neuron or a population.
+        target: Name of a neuron or a population.
+        indptr: Shape (n_target + 1,), int64.
+        sources: Members of the source, shape (n_synapses,), int32; ascending for every target.
+        weights: As a synapse's, one for all or shape (n_synapses,).
+        kind: As a synapse's.
+        model: The equations.
+        parameters: As a synapse's; one for all, or shape (n_synapses,); shape (n_target,) where the model keeps
+            its states per target.
+        initial: As the parameters.
+        delay_s: As a synapse's.
+        gate: As a synapse's.
+        origin: Where it is declared.
+    """
+
+    source: str
+    target: str
+    indptr: npt.NDArray[np.int64]
+    sources: npt.NDArray[np.int32]
+    weights: PerMember
+    kind: SynapseKind
+    model: SynapseModel = STATIC
+    parameters: Mapping[str, PerMember] = field(default_factory=dict)
+    initial: Mapping[str, PerMember] = field(default_factory=dict)
+    delay_s: float = 0.0
+    gate: str = ""
+    origin: Origin = NO_ORIGIN
 
 
 @dataclass(frozen=True)
@@ -108,7 +194,8 @@ class OutputNode:
     Attributes:
         name: Its name.
         unit: The unit in which it is written and shown.
-        readout: Pairs of neuron name and weight, [SI].
+        readout: Pairs of the name of a neuron, member or population, and weight, [SI]; a population's weights
+            may be an array, one for each member.
         low: Lower limit, [SI]; minus infinity without limits.
         high: Upper limit, [SI]; infinity without limits.
         leak: Part of the output that is lost each control step, dimensionless; None without integration.
@@ -118,7 +205,7 @@ class OutputNode:
 
     name: str
     unit: Unit
-    readout: tuple[tuple[str, float], ...]
+    readout: tuple[tuple[str, PerMember], ...]
     low: float
     high: float
     leak: float | None = None
@@ -140,6 +227,9 @@ class CircuitGraph:
         synapses: In file order, one for each target.
         outputs: In file order.
         parameters: The named values, by name.
+        substeps: How many substeps continuous models do in a control step.
+        populations: In file order, after all neurons where an order counts.
+        projections: In file order, after all synapses where an order counts.
     """
 
     name: str
@@ -151,6 +241,9 @@ class CircuitGraph:
     synapses: tuple[Synapse, ...]
     outputs: tuple[OutputNode, ...]
     parameters: Mapping[str, Quantity]
+    substeps: int = 1
+    populations: tuple[Population, ...] = ()
+    projections: tuple[Projection, ...] = ()
 
     def names(self) -> tuple[str, ...]:
         """Names of inputs, neurons and outputs, in this order; no name occurs twice."""

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from circuitkit.circuit.checks import doubts
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse, SynapseKind
-from circuitkit.circuit.models import MODEL_NAMES, ModelParameter, NeuronModel, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, ModelParameter, NeuronModel, neuron_model
 from circuitkit.circuit.parts import Part, part_of
 from circuitkit.circuit.scope import Item, Scope
 from circuitkit.circuit.spec import CircuitSpec, FileSpec, NeuronSpec, OutputSpec, SynapseSpec
@@ -104,9 +104,9 @@ def _inputs(scope: Scope) -> Iterator[InputNode]:
 
 def _neurons(scope: Scope) -> Iterator[Neuron]:
     for name, item in scope.neurons.items():
-        if item.spec.model not in MODEL_NAMES:
-            message = f"unknown model '{item.spec.model}'; allowed: {listing(MODEL_NAMES)}"
-            hint = suggest(item.spec.model, MODEL_NAMES)
+        if item.spec.model not in NEURON_MODEL_NAMES:
+            message = f"unknown model '{item.spec.model}'; allowed: {listing(NEURON_MODEL_NAMES)}"
+            hint = suggest(item.spec.model, NEURON_MODEL_NAMES)
             scope.errors.append(item.problem(("model",), message, hint))
             continue
         model = neuron_model(item.spec.model)
@@ -119,7 +119,7 @@ def _neurons(scope: Scope) -> Iterator[Neuron]:
         values = {each.name: each.default or 0.0 for each in model.parameters}
         values |= {name: quantity.value_si for name, quantity in written.items()}
         description = item.spec.description
-        yield Neuron(name, model, item.spec.role, values, unit, description, item.origin)
+        yield Neuron(name, model, item.spec.role, values, unit, description, origin=item.origin)
 
 
 def _written_parameters(scope: Scope, item: Item[NeuronSpec], model: NeuronModel) -> dict[str, Quantity]:
@@ -146,9 +146,9 @@ def _written_parameters(scope: Scope, item: Item[NeuronSpec], model: NeuronModel
 
 def _activation_unit(model: NeuronModel, written: Mapping[str, Quantity]) -> Unit:
     """The unit of the activation: of a parameter that has it, else the reciprocal of one that has that."""
-    for rule, power in (("activation", 1), ("1/activation", -1)):
+    for power in (1, -1):
         for parameter in model.parameters:
-            if parameter.unit_rule == rule and parameter.name in written:
+            if parameter.unit_rule.activation == power and parameter.name in written:
                 unit = written[parameter.name].unit
                 return unit if power == 1 else Dimension().times(unit.dimension, -1).si_unit
     return DIMENSIONLESS
@@ -158,8 +158,8 @@ def _check_unit(
     scope: Scope, item: Item[NeuronSpec], parameter: ModelParameter, quantity: Quantity, unit: Unit
 ) -> None:
     """Complain about a parameter that does not fit the unit of the neuron's activation."""
-    power = {"activation": 1, "1/activation": -1, "1": 0}[parameter.unit_rule]
-    wanted = unit if power == 1 else Dimension(*(power * e for e in unit.dimension)).si_unit
+    dimension = parameter.unit_rule.dimension(unit.dimension)
+    wanted = unit if dimension == unit.dimension else dimension.si_unit
     scope.fits(item, (parameter.name,), quantity, wanted, f"the activation is {_in(unit)}")
 
 
@@ -231,7 +231,7 @@ def _weighted(
         message = f"found {weight}, but {source.name} is {kind}; allowed: {allowed}"
         scope.errors.append(item.problem(("weight",), message))
     for target in targets:
-        yield Synapse(source.name, target.name, weight.value_si, kind, item.origin)
+        yield Synapse(source.name, target.name, weight.value_si, kind, origin=item.origin)
 
 
 def _in(unit: Unit) -> str:

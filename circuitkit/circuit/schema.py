@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.circuit.spec import CircuitSpec
 
 _VALUE = {"anyOf": [{"type": "number"}, {"type": "string"}]}
@@ -18,8 +18,8 @@ def circuit_schema() -> dict[str, Any]:
     schema["title"] = "circuitkit circuit"
     neuron = schema["$defs"]["NeuronSpec"]
     own_keys = list(neuron["properties"])
-    models = [neuron_model(name) for name in MODEL_NAMES]
-    neuron["properties"]["model"]["enum"] = list(MODEL_NAMES)
+    models = [neuron_model(name) for name in NEURON_MODEL_NAMES]
+    neuron["properties"]["model"]["enum"] = list(NEURON_MODEL_NAMES)
     neuron["additionalProperties"] = _VALUE
     neuron["allOf"] = [
         {

@@ -63,12 +63,12 @@ class Curve:
     def centres(self) -> list[float]:
         """Activations at which something happens, [SI]."""
         first = self.neurons[0]
-        return [first.parameters[p.name] for p in first.model.parameters if p.unit_rule == "activation"]
+        return [first.parameters[p.name] for p in first.model.parameters if p.unit_rule.activation == 1]
 
     def width(self) -> float:
         """How much activation the curve needs to rise, [SI]; 0 if it jumps."""
         first = self.neurons[0]
-        slopes = [first.parameters[p.name] for p in first.model.parameters if p.unit_rule == "1/activation"]
+        slopes = [first.parameters[p.name] for p in first.model.parameters if p.unit_rule.activation == -1]
         return max((1 / abs(slope) for slope in slopes if slope), default=0.0)
 
     def values(self, activation: FloatArray) -> FloatArray:

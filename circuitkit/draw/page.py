@@ -91,7 +91,7 @@ def _neuron(neuron: Neuron) -> str:
     }
     values = []
     for name, value in neuron.parameters.items():
-        scale, symbol = scales[rules[name]]
+        scale, symbol = scales[rules[name].text]
         values.append(f"{name} {number(value * scale)}{symbol if unit.symbol != '1' else ''}")
     head = f"{neuron.name}: {neuron.role}, {neuron.model.name}"
     return _joined(head, neuron.description, ", ".join(values), f"output = {neuron.model.output}")

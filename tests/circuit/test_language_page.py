@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from circuitkit.circuit import check, circuit_schema
-from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.units import UNIT_SYMBOLS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def test_every_key_is_explained():
     ] == []
 
 
-@pytest.mark.parametrize("name", MODEL_NAMES)
+@pytest.mark.parametrize("name", NEURON_MODEL_NAMES)
 def test_every_model_is_explained_with_its_parameters(name):
     (row,) = [line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |")]
     assert re.findall(r"`(\w+)`", row)[1:] == list(neuron_model(name).parameter_names)

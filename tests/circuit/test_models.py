@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.circuit.models.model import ACTIVATION
 from circuitkit.errors import UnknownNameError
 
@@ -75,7 +75,7 @@ def test_tanh_is_a_scaled_sigmoid(activation, slope, shift):
     assert output("tanh", activation, slope=slope, shift=shift) == pytest.approx(scaled, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", MODEL_NAMES)
+@pytest.mark.parametrize("name", NEURON_MODEL_NAMES)
 @given(data=st.data(), unit=st.sampled_from([1e-3, 0.25, 1000.0]))
 def test_outputs_do_not_depend_on_the_unit_of_the_activation(name, data, unit):
     """Dimensional analysis by numbers: rescaling all that has a unit must change nothing."""
@@ -83,12 +83,12 @@ def test_outputs_do_not_depend_on_the_unit_of_the_activation(name, data, unit):
     power = {"activation": 1, "1/activation": -1, "1": 0}
     values = {each.name: data.draw(numbers) for each in model.parameters}
     activation = data.draw(numbers.filter(lambda a: all(abs(a - v) > 1e-6 for v in values.values())))
-    scaled = {each.name: values[each.name] * unit ** power[each.unit_rule] for each in model.parameters}
+    scaled = {each.name: values[each.name] * unit ** power[each.unit_rule.text] for each in model.parameters}
     here = output(name, activation, **values)
     assert output(name, activation * unit, **scaled) == pytest.approx(here, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", MODEL_NAMES)
+@pytest.mark.parametrize("name", NEURON_MODEL_NAMES)
 def test_model_files_are_complete(name):
     model = neuron_model(name)
     assert model.name == name
@@ -99,7 +99,7 @@ def test_model_files_are_complete(name):
     for parameter in model.parameters:
         assert parameter.description
         # A default in an activation's unit would mean something else in every unit, unless it is zero.
-        assert parameter.default in (None, 0) or parameter.unit_rule != "activation"
+        assert parameter.default in (None, 0) or parameter.unit_rule.text != "activation"
 
 
 def test_models_are_read_once():

@@ -11,7 +11,7 @@ import strategies
 from hypothesis import given, settings
 
 from circuitkit.circuit import circuit_schema
-from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.circuit.spec import CircuitSpec
 from circuitkit.source import data_folder, read_yaml, shipped_names
 
@@ -86,8 +86,8 @@ def test_every_key_is_described():
         for key, value in mapping["properties"].items():
             assert value.get("description"), f"{name}.{key}"
     branches = SCHEMA["$defs"]["NeuronSpec"]["allOf"]
-    assert len(branches) == len(MODEL_NAMES)
-    for name, branch in zip(MODEL_NAMES, branches, strict=True):
+    assert len(branches) == len(NEURON_MODEL_NAMES)
+    for name, branch in zip(NEURON_MODEL_NAMES, branches, strict=True):
         assert list(branch["then"]["properties"]) == list(neuron_model(name).parameter_names)
         assert all(value["description"] for value in branch["then"]["properties"].values())
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuitkit.circuit.expression import SCALAR_FUNCTIONS
-from circuitkit.circuit.models import MODEL_NAMES, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.forms import FIRST, GAIN, OFFSET, SECOND, form_of
@@ -157,7 +157,7 @@ def test_stages_are_as_few_as_the_timing_allows(build, timing):
     assert stages == ((("a", "x"), ("b",), ("c",)) if timing == "ordered" else (tuple(names),))
 
 
-@pytest.mark.parametrize("name", MODEL_NAMES)
+@pytest.mark.parametrize("name", NEURON_MODEL_NAMES)
 def test_every_model_computes_its_equation(build, name):
     model = neuron_model(name)
     parameters = {"slope": 7.5, "shift": 0.2, "low": -0.4, "high": 0.3, "gain": -1.5}

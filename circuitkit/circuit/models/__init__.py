@@ -1,8 +1,26 @@
-"""Neuron models as data: each YAML file here declares one model, its parameters and its equation.
+"""Neuron and synapse models as data: each YAML file here declares one, its parameters and its equations.
 
-A new model is a new file; the engine, the drawing and the exports follow from the equation.
+A new model is a new file; the engine, the drawing and the exports follow from the equations.
 """
 
-from circuitkit.circuit.models.model import MODEL_NAMES, ModelParameter, NeuronModel, UnitRule, neuron_model
+from circuitkit.circuit.models.model import (
+    ModelParameter,
+    ModelState,
+    NeuronModel,
+    Spike,
+    SynapseModel,
+    UnitRule,
+)
+from circuitkit.circuit.models.reading import NEURON_MODEL_NAMES, STATIC, neuron_model
 
-__all__ = ["MODEL_NAMES", "ModelParameter", "NeuronModel", "UnitRule", "neuron_model"]
+__all__ = [
+    "NEURON_MODEL_NAMES",
+    "STATIC",
+    "ModelParameter",
+    "ModelState",
+    "NeuronModel",
+    "Spike",
+    "SynapseModel",
+    "UnitRule",
+    "neuron_model",
+]

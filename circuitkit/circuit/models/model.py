@@ -1,50 +1,135 @@
-"""`NeuronModel`: what a neuron computes from its activation, read from the YAML files of this folder."""
+"""What a model is: parameters with units, states, their change in time, an output; where it spikes, a reset.
+
+Models are read from YAML, those of this folder or an author's own, by `reading`; all the rest of circuitkit
+reads these classes and knows no model by name.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
-from circuitkit.circuit.expression import Expression, parse_expression
-from circuitkit.errors import UnknownNameError
-from circuitkit.source import FileModel, read_yaml, validate_model
+from circuitkit.circuit.expression import Expression
+from circuitkit.units import Dimension, Unit
 
-ACTIVATION = "A"
-UnitRule = Literal["activation", "1/activation", "1"]
-_FOLDER = Path(__file__).parent
-MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
+# Names that expressions of neuron models may use beside their own parameters and states:
+ACTIVATION = "A"  # sum of what the synapses deliver (eq. 11), with the noise
+SPIKE = "spike"  # 1 in the substep in which the condition was met, else 0; in the output of a spiking model
+# ... and those of synapse models:
+WEIGHT = "weight"
+PRE, POST = "pre", "post"  # output of the source and of the target
+INPUT = "input"  # sum of weight times pre over the synapses of a target, where states are kept per target
+GATE = "gate"  # output of the neuron that the synapse names as its gate
+PRE_STATE, POST_STATE = "pre_", "post_"  # with the name of a state behind: that state of the source or target
+
+Method = Literal["euler", "exponential_euler", "exact", "rk4"]
+
+
+@dataclass(frozen=True)
+class UnitRule:
+    """A dimension that may depend on the circuit: a fixed one times powers of three that a circuit decides.
+
+    Attributes:
+        text: As written in the model's file, such as `activation/s`, `1/activation` or `mV`.
+        fixed: The fixed factor's dimension.
+        activation: Power of the activation of the neuron (of the target, in a synapse).
+        source: Power of the source's dimension: an input's unit, dimensionless for a neuron.
+        weight: Power of the dimension of the synapse's weight.
+    """
+
+    text: str
+    fixed: Dimension = Dimension()
+    activation: int = 0
+    source: int = 0
+    weight: int = 0
+
+    def dimension(
+        self,
+        activation: Dimension = Dimension(),
+        source: Dimension = Dimension(),
+        weight: Dimension = Dimension(),
+    ) -> Dimension:
+        """The dimension in a circuit where the three are these."""
+        found = self.fixed.times(activation, self.activation)
+        return found.times(source, self.source).times(weight, self.weight)
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True)
 class ModelParameter:
-    """A parameter of a neuron model.
+    """A parameter of a model.
 
     Attributes:
-        name: Its name, as in the equation and in the circuit file.
-        unit_rule: Its unit in terms of the neuron's activation: the same, the reciprocal, or dimensionless.
-        default: The value of a neuron that does not give one, [SI]; None if it must be given.
+        name: Its name, as in the equations and in the circuit file.
+        unit_rule: Its dimension.
+        default: The value where a circuit gives none, [SI]; None if it must be given.
         description: In words.
+        unit: The unit in which it is shown if the rule is fixed, such as mV; None for the SI unit.
     """
 
     name: str
     unit_rule: UnitRule
     default: float | None
     description: str
+    unit: Unit | None = None
+
+
+@dataclass(frozen=True)
+class ModelState:
+    """A state variable.
+
+    Attributes:
+        name: Its name, as in the equations.
+        unit_rule: Its dimension.
+        initial: Its value at the start, in terms of the parameters.
+        description: In words.
+        unit: The unit in which it is shown if the rule is fixed; None for the SI unit.
+    """
+
+    name: str
+    unit_rule: UnitRule
+    initial: Expression
+    description: str
+    unit: Unit | None = None
+
+
+@dataclass(frozen=True)
+class Spike:
+    """When a neuron spikes, and what then happens to its states.
+
+    Attributes:
+        when: Above zero: it spikes. In terms of the parameters and of the new states.
+        reset: New value of each state that changes, in terms of the parameters and states, all at once.
+    """
+
+    when: Expression
+    reset: Mapping[str, Expression]
 
 
 @dataclass(frozen=True)
 class NeuronModel:
     """What a neuron computes from its activation.
 
+    Without states it is a function of the activation (eq. 12). With `derivatives` it is continuous: it advances
+    in substeps by its `method`. With `updates` it is discrete: new values once a control step. Not both.
+
     Attributes:
         name: Its name, as in the circuit file.
         description: In words.
-        source: Where the equation comes from.
+        source: Where the equations come from.
         parameters: In the order of the file.
-        output: The dimensionless output, in terms of the activation `A` and of the parameters.
+        output: The output in terms of A (only if there are no states), parameters, states and `spike`.
         increasing: Names of parameters of which each must be below the next.
+        states: State variables, in the order of the file.
+        derivatives: Change per second of states, in terms of A, parameters and states.
+        updates: New values of states once a control step, all from the old ones, in the same terms.
+        spike: Where the model spikes.
+        method: How the derivatives are integrated.
+        activation: The activation's dimension if the model fixes it, such as ampere; None if a neuron's
+            parameters decide.
     """
 
     name: str
@@ -53,42 +138,75 @@ class NeuronModel:
     parameters: tuple[ModelParameter, ...]
     output: Expression
     increasing: tuple[str, ...] = ()
+    states: tuple[ModelState, ...] = ()
+    derivatives: Mapping[str, Expression] = field(default_factory=dict)
+    updates: Mapping[str, Expression] = field(default_factory=dict)
+    spike: Spike | None = None
+    method: Method = "exponential_euler"
+    activation: Unit | None = None
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
+    @property
+    def continuous(self) -> bool:
+        """Whether it advances in substeps."""
+        return bool(self.derivatives)
 
-class _ParameterFile(FileModel):
-    unit: UnitRule
-    default: float | None = None
-    description: str
+    def __hash__(self) -> int:
+        return hash((self.name, self.output))
 
 
-class _ModelFile(FileModel):
-    model: str
+@dataclass(frozen=True)
+class SynapseModel:
+    """What a synapse delivers to its target's activation.
+
+    With `per` "synapse", expressions are in terms of `weight`, `pre`, `post`, `gate`, states of the source and
+    target (`pre_v`, `post_v`), parameters and own states, which every synapse has for itself. With `per`
+    "target", `input` stands for the sum of weight times pre over all synapses that one entry of the file leads
+    to a target, instead of `weight` and `pre`: the states are kept once for the target.
+
+    In every step or substep: the sources' outputs are read, then `jumps` change the states, then `current` is
+    delivered; at its end the states advance by `derivatives`. `updates` run once a control step, at its end.
+
+    Attributes:
+        name: Its name, as in the circuit file.
+        description: In words.
+        source: Where the equations come from.
+        parameters: In the order of the file.
+        current: What is added to the target's activation.
+        weight: Dimension of the weight.
+        sign: `role`: the weight's sign follows the source's role; `positive`: never negative; `any`.
+        per: Whether states are kept for every synapse or once for every target.
+        states: State variables.
+        derivatives: Change per second of states.
+        updates: New values of states once a control step, after all neurons.
+        jumps: New values of states on arrival of the sources' outputs, before `current`.
+        reads: Dimension of every state of source or target that the expressions use, such as `post_v`.
+        method: How the derivatives are integrated.
+    """
+
+    name: str
     description: str
     source: str
-    parameters: dict[str, _ParameterFile]
-    increasing: tuple[str, ...] = ()
-    output: str
+    parameters: tuple[ModelParameter, ...]
+    current: Expression
+    weight: UnitRule
+    sign: Literal["role", "positive", "any"] = "role"
+    per: Literal["synapse", "target"] = "synapse"
+    states: tuple[ModelState, ...] = ()
+    derivatives: Mapping[str, Expression] = field(default_factory=dict)
+    updates: Mapping[str, Expression] = field(default_factory=dict)
+    jumps: Mapping[str, Expression] = field(default_factory=dict)
+    reads: Mapping[str, UnitRule] = field(default_factory=dict)
+    method: Method = "exponential_euler"
 
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
+        return tuple(parameter.name for parameter in self.parameters)
 
-@lru_cache
-def neuron_model(name: str) -> NeuronModel:
-    """The model of this name.
-
-    Raises:
-        UnknownNameError: There is none; the message lists those there are.
-    """
-    if name not in MODEL_NAMES:
-        kind = "model"
-        raise UnknownNameError(kind, name, MODEL_NAMES)
-    file = validate_model(read_yaml(_FOLDER / f"{name}.yaml"), _ModelFile)
-    parameters = tuple(
-        ModelParameter(key, entry.unit, entry.default, entry.description)
-        for key, entry in file.parameters.items()
-    )
-    output = parse_expression(file.output, (ACTIVATION, *file.parameters))
-    return NeuronModel(file.model, file.description, file.source, parameters, output, file.increasing)
+    def __hash__(self) -> int:
+        return hash((self.name, self.current))
