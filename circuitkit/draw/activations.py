@@ -21,11 +21,11 @@ from circuitkit.draw.style import (
     SMALL,
     house_style,
     new_figure,
-    number,
     require_suffix,
     save_figure,
     tidy,
 )
+from circuitkit.draw.values import parameter_text
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.state import FloatArray
 from circuitkit.units import Unit
@@ -55,7 +55,7 @@ class Curve:
         first = self.neurons[0]
         unit = first.activation_unit
         values = (
-            f"{parameter.name} {_shown(first.parameters[parameter.name], parameter.unit_rule, unit)}"
+            parameter_text(parameter, first.parameters[parameter.name], unit)
             for parameter in first.model.parameters
         )
         return f"{', '.join(neuron.name for neuron in self.neurons)}: {', '.join(values)}"
@@ -215,11 +215,3 @@ def _grid(curves: Sequence[Curve], low: float, high: float) -> FloatArray:
             ]
     grid = np.unique(np.concatenate(parts))
     return grid[(grid >= low) & (grid <= high)]
-
-
-def _shown(value_si: float, rule: str, unit: Unit) -> str:
-    if rule == "activation":
-        return number(value_si / unit.scale) + (f" {unit}" if unit.symbol != "1" else "")
-    if rule == "1/activation":
-        return number(value_si * unit.scale) + (f" /{unit}" if unit.symbol != "1" else "")
-    return number(value_si)

@@ -11,6 +11,7 @@ from circuitkit.draw.labels import weight_text
 from circuitkit.draw.layers import make_layers
 from circuitkit.draw.marks import line_ids, node_id
 from circuitkit.draw.style import number
+from circuitkit.draw.values import parameter_text
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -82,17 +83,10 @@ def tooltips(graph: CircuitGraph) -> dict[str, tuple[str, str]]:
 
 
 def _neuron(neuron: Neuron) -> str:
-    rules = {parameter.name: parameter.unit_rule for parameter in neuron.model.parameters}
-    unit = neuron.activation_unit
-    scales = {
-        "activation": (1 / unit.scale, f" {unit}"),
-        "1/activation": (unit.scale, f" /{unit}"),
-        "1": (1.0, ""),
-    }
-    values = []
-    for name, value in neuron.parameters.items():
-        scale, symbol = scales[rules[name].text]
-        values.append(f"{name} {number(value * scale)}{symbol if unit.symbol != '1' else ''}")
+    values = (
+        parameter_text(parameter, neuron.parameters[parameter.name], neuron.activation_unit)
+        for parameter in neuron.model.parameters
+    )
     head = f"{neuron.name}: {neuron.role}, {neuron.model.name}"
     return _joined(head, neuron.description, ", ".join(values), f"output = {neuron.model.output}")
 
