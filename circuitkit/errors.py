@@ -6,12 +6,15 @@ Every message says where, what was found, what is allowed, and where it can, wha
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
 _SHOWN_NAMES = 20
 _SHORT_NAME = 2
+_SAME_CASE = 1e-3  # less than any other difference, so that it decides between equals
+_WORDS = re.compile("[a-z0-9]+")
 
 
 @dataclass(frozen=True)
@@ -91,9 +94,17 @@ class UnitError(CircuitkitError, ValueError):
 
 
 class ExpressionError(CircuitkitError, ValueError):
-    """A mathematical expression cannot be read."""
+    """A mathematical expression cannot be read, or joins what does not fit together.
+
+    Attributes:
+        offset: Where in its text, from 0.
+    """
 
     exit_code: ClassVar[int] = 1
+
+    def __init__(self, message: str, offset: int = 0) -> None:
+        super().__init__(message)
+        self.offset = offset
 
 
 class MissingDependencyError(CircuitkitError):
@@ -124,11 +135,56 @@ class SimulationError(CircuitkitError):
 
 
 def suggest(name: str, allowed: Iterable[str]) -> str:
-    """`did you mean 'q1'?` for the nearest allowed name, or an empty text if none is near."""
-    by_lower_case = {candidate.lower(): candidate for candidate in allowed}
-    cutoff = 0.5 if len(name) <= _SHORT_NAME else 0.6  # of two letters, one may be wrong
-    near = difflib.get_close_matches(name.lower(), by_lower_case, n=1, cutoff=cutoff)
-    return f"did you mean '{by_lower_case[near[0]]}'?" if near else ""
+    """`did you mean 'q1'?` for the nearest allowed name, or an empty text if none is near.
+
+    Near are names with other letters beside, missing, too many or in the wrong order, in other letter case, with
+    their words in another order, cut short, or written out.
+    """
+    near = 0.5 if len(name) <= _SHORT_NAME else 0.6  # of two letters, one may be wrong
+    matcher = difflib.SequenceMatcher(b=name.lower())
+    best = ""
+    for candidate in allowed:
+        matcher.set_seq1(candidate.lower())
+        if _is_part(name, candidate) or matcher.quick_ratio() >= near:
+            likeness = _likeness(name, candidate, matcher)
+            if likeness > near or (likeness == near and not best):
+                best, near = candidate, likeness
+    return f"did you mean '{best}'?" if best else ""
+
+
+def _likeness(name: str, candidate: str, matcher: difflib.SequenceMatcher[str]) -> float:
+    """1 for equal names, 0 for names without a common letter; equal letter case counts a little."""
+    a, b = name.lower(), candidate.lower()
+    edited = 1 - _edits(a, b) / max(len(a), len(b), 1)
+    reordered = 0.9 if sorted(_WORDS.findall(a)) == sorted(_WORDS.findall(b)) else 0.0
+    part = 0.7 if _is_part(name, candidate) else 0.0
+    alike = max(edited, matcher.ratio(), reordered, part)
+    same_case = sum(x == y for x, y in zip(name, candidate, strict=False)) / max(len(a), len(b), 1)
+    return alike + _SAME_CASE * same_case
+
+
+def _is_part(name: str, candidate: str) -> bool:
+    """Whether one is the beginning of the other, and long enough to tell."""
+    short, long = sorted((name.lower(), candidate.lower()), key=len)
+    return len(short) > _SHORT_NAME and long.startswith(short)
+
+
+def _edits(a: str, b: str) -> int:
+    """How many letters to insert, remove, replace or swap with their neighbour to make b of a.
+
+    The optimal string alignment distance: a table d[i][j] for the first i letters of a and j of b, row by row.
+    """
+    before, row = [0] * (len(b) + 1), list(range(len(b) + 1))
+    for i, x in enumerate(a, 1):
+        above, last = row, before
+        row = [i]
+        for j, y in enumerate(b, 1):
+            cost = min(above[j] + 1, row[j - 1] + 1, above[j - 1] + (x != y))
+            if i > 1 and j > 1 and x == b[j - 2] and a[i - 2] == y:
+                cost = min(cost, last[j - 2] + 1)
+            row.append(cost)
+        before = above
+    return row[-1]
 
 
 def listing(names: Iterable[str]) -> str:

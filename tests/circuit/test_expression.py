@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circuitkit.circuit.expression import (
+    BINARY_OPERATORS,
     FUNCTION_ARITY,
     Binary,
     Call,
@@ -50,6 +51,18 @@ def value(text: str, **values: float) -> float:
         ("sigmoid(0)", 0.5),
         ("sigmoid(log(3))", 0.75),
         ("heaviside(-1) + heaviside(0) + heaviside(1)", 2.0),
+        ("sign(-3) + 10 * sign(0) + 100 * sign(0.1)", 99.0),
+        ("floor(-1.5)", -2.0),
+        ("log1p(1e-20)", 1e-20),
+        ("expm1(1e-20)", 1e-20),
+        ("exprel(0)", 1.0),
+        ("exprel(2)", (math.e**2 - 1) / 2),
+        ("exprel(-1e-9)", 1 - 0.5e-9),
+        ("clip(5, 0, 2) + clip(-5, 0, 2) + clip(1, 0, 2)", 3.0),
+        ("(1 < 2) + 2 * (2 < 2) + 4 * (2 <= 2) + 8 * (3 > 2) + 16 * (2 > 2) + 32 * (2 >= 2)", 45.0),
+        ("1 + 1 < 3 - 2", 0.0),
+        ("where(1 < 2, 3, 4) + where(1 > 2, 30, 40)", 43.0),
+        ("sin(pi / 2) + cos(pi)", 0.0),
     ],
 )
 def test_expressions_have_their_value(text, expected):
@@ -74,7 +87,7 @@ expressions = st.recursive(
     st.floats(0, 1e6).map(Number) | st.sampled_from(NAMES).map(Name),
     lambda inner: (
         st.builds(Unary, st.sampled_from("+-"), inner)
-        | st.builds(Binary, st.sampled_from(["+", "-", "*", "/", "**"]), inner, inner)
+        | st.builds(Binary, st.sampled_from(BINARY_OPERATORS), inner, inner)
         | st.sampled_from(sorted(FUNCTION_ARITY)).flatmap(
             lambda name: st.tuples(*[inner] * FUNCTION_ARITY[name]).map(
                 lambda arguments: Call(name, arguments)
@@ -90,8 +103,71 @@ def test_the_text_of_an_expression_parses_to_the_same_expression(tree: Expressio
     assert parse_expression(str(tree), NAMES) == tree
 
 
-FUNCTIONS = "abs, cos, exp, heaviside, log, max, min, sigmoid, sin, sqrt, tanh"
-ALLOWED = "numbers, names, + - * / ^ and functions"
+@pytest.mark.parametrize(
+    ("text", "printed"),
+    [
+        ("((a)) + (b * c)", "a + b * c"),
+        ("(a - b) - c", "a - b - c"),
+        ("a - (b - c)", "a - (b - c)"),
+        ("a / (b * c)", "a / (b * c)"),
+        ("-(a ^ b)", "-a ** b"),
+        ("(-a) ^ (-b)", "(-a) ** -b"),
+        ("(a ^ b) ^ c", "(a ** b) ** c"),
+        ("a ^ (b ^ c)", "a ** b ** c"),
+        ("-(a + b) * -c", "-(a + b) * -c"),
+        ("(a + b < c) * 2.50", "(a + b < c) * 2.5"),
+        ("(a < b) < c", "(a < b) < c"),
+        ("where((a), 1e-9, 3.0)", "where(a, 1e-09, 3)"),
+    ],
+)
+def test_the_text_has_no_more_parentheses_than_it_takes(text, printed):
+    assert str(parse_expression(text, ("a", "b", "c"))) == printed
+
+
+def test_powers_are_real():
+    with pytest.raises(ValueError, match="a negative number has no real power of this exponent"):
+        value("x ^ 0.5", x=-2.0)
+
+
+def test_a_name_may_be_called_like_a_constant():
+    assert value("2 * pi", pi=10.0) == 20.0
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("B + 1", "B"),
+        ("  A ^ 2 ^ 3 + B", "B"),
+        ("A ^ (2 + sigmoyd(A))", "sigmoyd"),
+        ("A * min(A)", "min"),
+        ("A + A[0]", "A[0]"),
+        ("A\n  + 'text'", "'"),
+        ("A + 1e999", "1e999"),
+        ("A + (1 < 2 < 3)", "1 < 2 < 3"),
+        ("A ^ 2 + = 3", "="),
+    ],
+)
+def test_the_error_says_where_in_the_text(text, found):
+    with pytest.raises(ExpressionError) as caught:
+        parse_expression(text, NAMES)
+    assert caught.value.offset == text.index(found)
+
+
+@given(st.sampled_from(["", " ", "  "]), st.lists(st.sampled_from(["A^2", "A**2", "slope"]), max_size=5))
+def test_every_part_knows_where_it_was_read(blank, terms):
+    text = blank + " + ".join([*terms, "sin(shift)"])
+    tree = parse_expression(text, NAMES)
+    last = tree.right if isinstance(tree, Binary) else tree
+    assert isinstance(last, Call)
+    assert last.offset == text.index("sin")
+    assert last.arguments[0].offset == text.index("shift")
+
+
+FUNCTIONS = (
+    "abs, clip, cos, exp, expm1, exprel, floor, heaviside, log, log1p, max, min, sigmoid, sign, sin, sqrt, "
+    "tanh, where"
+)
+ALLOWED = "numbers, names, + - * / ^ < <= > >= and functions"
 
 
 @pytest.mark.parametrize(
@@ -105,7 +181,9 @@ ALLOWED = "numbers, names, + - * / ^ and functions"
         ("A.real", f"found 'A.real'; allowed: {ALLOWED}"),
         ("A[0]", f"found 'A[0]'; allowed: {ALLOWED}"),
         ("A if A else 1", f"found 'A if A else 1'; allowed: {ALLOWED}"),
-        ("A < 1", f"found 'A < 1'; allowed: {ALLOWED}"),
+        ("A == 1", f"found 'A == 1'; allowed: {ALLOWED}"),
+        ("0 < A < 1", f"found '0 < A < 1'; allowed: {ALLOWED}"),
+        ("A > 0 and A < 1", f"found 'A > 0 and A < 1'; allowed: {ALLOWED}"),
         ("lambda: 1", f"found 'lambda: 1'; allowed: {ALLOWED}"),
         ("max(*A)", "found max with 1 arguments; allowed: 2"),
         ("exp(x=1)", f"found 'exp(x=1)'; allowed: {ALLOWED}"),

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, exprel
 
 from circuitkit.circuit.expression import Binary, Call, Expression, Name, Unary
 from circuitkit.engine.state import FloatArray
@@ -20,21 +20,49 @@ _BINARY: Mapping[str, np.ufunc] = {
     "*": np.multiply,
     "/": np.true_divide,
     "**": np.power,
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
 }
 _SIGN: Mapping[str, np.ufunc] = {"-": np.negative, "+": np.positive}
+
+
+def _clip(x: FloatArray, low: FloatArray, high: FloatArray, out: FloatArray | None = None) -> FloatArray:
+    clipped: FloatArray = np.minimum(np.maximum(x, low), high, out=out)
+    return clipped
+
+
+def _where(
+    condition: FloatArray, then: FloatArray, otherwise: FloatArray, out: FloatArray | None = None
+) -> FloatArray:
+    chosen: FloatArray = np.where(condition, then, otherwise)
+    if out is None:
+        return chosen
+    np.copyto(out, chosen)
+    return out
+
+
 # Each function with the arguments that follow those of the expression.
 _FUNCTIONS: Mapping[str, tuple[Callable[..., Any], tuple[float, ...]]] = {
     "abs": (np.absolute, ()),
+    "clip": (_clip, ()),
     "cos": (np.cos, ()),
     "exp": (np.exp, ()),
+    "expm1": (np.expm1, ()),
+    "exprel": (exprel, ()),
+    "floor": (np.floor, ()),
     "heaviside": (np.heaviside, (1.0,)),
     "log": (np.log, ()),
+    "log1p": (np.log1p, ()),
     "max": (np.maximum, ()),
     "min": (np.minimum, ()),
     "sigmoid": (expit, ()),
+    "sign": (np.sign, ()),
     "sin": (np.sin, ()),
     "sqrt": (np.sqrt, ()),
     "tanh": (np.tanh, ()),
+    "where": (_where, ()),
 }
 _OUT_BY_NAME = frozenset({np.maximum, np.minimum})  # numpy 2.4 warns of a third argument without a name
 NUMPY_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
