@@ -137,7 +137,7 @@ class SimulationError(CircuitkitError):
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """`did you mean 'q1'?` for the nearest allowed name, or an empty text if none is near.
 
-    Near are names with other letters beside, missing, too many or in the wrong order, in other letter case, with
+    Near are names with letters that are wrong, missing, too many or in the wrong order, in another case, with
     their words in another order, cut short, or written out.
     """
     near = 0.5 if len(name) <= _SHORT_NAME else 0.6  # of two letters, one may be wrong
@@ -172,7 +172,7 @@ def _is_part(name: str, candidate: str) -> bool:
 def _edits(a: str, b: str) -> int:
     """How many letters to insert, remove, replace or swap with their neighbour to make b of a.
 
-    The optimal string alignment distance: a table d[i][j] for the first i letters of a and j of b, row by row.
+    The optimal string alignment distance: a table d[i][j] for the first i letters of a and j of b, by rows.
     """
     before, row = [0] * (len(b) + 1), list(range(len(b) + 1))
     for i, x in enumerate(a, 1):

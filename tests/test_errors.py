@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import time
 
 import pytest
 
@@ -80,11 +81,35 @@ def test_a_missing_package_is_named_with_the_extra_that_brings_it():
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "hint"), [("q11", "did you mean 'q1'?"), ("Q1", "did you mean 'q1'?"), ("xyz", ""), ("", "")]
+NAMES = (
+    *("lf", "q1", "p1", "left_edge", "right_edge"),
+    *("inhibitory", "sigmoid", "threshold_linear", "ms", "mS", "deg"),
 )
-def test_the_nearest_name_is_suggested(name, hint):
-    assert suggest(name, ("lf", "q1", "p1")) == hint
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("q11", "q1"), ("Q1", "q1"), ("lg", "lf"), ("1q", "q1"), ("sigmiod", "sigmoid"), ("MS", "mS"),
+        ("left-edge", "left_edge"), ("edge_right", "right_edge"), ("right_edg", "right_edge"), ("msec", "ms"),
+        ("degrees", "deg"), ("inhib", "inhibitory"), ("inhibiting", "inhibitory"),
+        ("linear_threshold", "threshold_linear"),
+    ],
+)  # fmt: skip
+def test_the_nearest_name_is_suggested(name, meant):
+    assert suggest(name, NAMES) == f"did you mean '{meant}'?"
+
+
+@pytest.mark.parametrize("name", ["xyz", "", "z", "force", "tau"])
+def test_nothing_is_suggested_if_nothing_is_near(name):
+    assert suggest(name, NAMES) == ""
+
+
+def test_the_nearest_of_many_names_is_found_soon():
+    names = [f"neuron_{i}" for i in range(20_000)]
+    begin = time.perf_counter()
+    assert suggest("nueron_17391", names) == "did you mean 'neuron_17391'?"
+    assert time.perf_counter() - begin < 5
 
 
 @pytest.mark.parametrize(

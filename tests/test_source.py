@@ -83,7 +83,10 @@ def test_every_part_has_its_place():
         ("a:\n\t- b\n", "2:1: this is not YAML: found character that cannot start any token while scanning for the next token; indent with spaces, not with tabs"),
         ("a: %x\n", "1:4: this is not YAML: found character that cannot start any token while scanning for the next token; put a text that starts with % in quotes"),
         ("a: b: c\n", "1:5: this is not YAML: mapping values are not allowed in this context"),
-        ("a: [1\n", "2:1: this is not YAML: did not find expected ',' or ']' while parsing a flow sequence"),
+        ("a: 'b\nc: 1\n", "1:4: this is not YAML: found unexpected end of stream while scanning a quoted scalar"),
+        ("b: 2\na:1\nc: 3\n", "2:1: this is not YAML: could not find expected ':' while scanning a simple key"),
+        ("a:\n  b: 1\n c: 2\n", "3:2: this is not YAML: did not find expected key while parsing a block mapping"),
+        ("a: [1\n", "1:4: this is not YAML: did not find expected ',' or ']' while parsing a flow sequence"),
         (f"a: {'[' * 60}", "1:53: found lists or mappings nested too deep; allowed: 50"),
     ],
 )  # fmt: skip

@@ -22,6 +22,9 @@ _LARGEST_DOCUMENT = 200_000
 _DEEPEST = 50
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
+# What shows only lines later, such as a bracket that is never closed: the mistake is where it begins.
+_NEVER_ENDS = re.compile("flow|quoted|simple key")
+
 
 def read_yaml(path: str | Path) -> Document:
     """Read a YAML file.
@@ -93,6 +96,9 @@ def scan_text(text: str, path: str) -> tuple[Document | None, list[Problem]]:
 
 def _syntax_problem(error: yaml.MarkedYAMLError, text: str, path: str) -> Problem:
     mark = error.problem_mark or error.context_mark
+    begun = error.context_mark
+    if mark and begun and begun.line < mark.line and _NEVER_ENDS.search(str(error.context)):
+        mark = begun
     line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
     context = f" {error.context}" if error.context else ""
     lines = text.splitlines()
