@@ -134,6 +134,10 @@ class SimulationError(CircuitkitError):
     """The simulation cannot go on."""
 
 
+class DivergedError(SimulationError):
+    """A number that is not finite came out of a step."""
+
+
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """`did you mean 'q1'?` for the nearest allowed name, or an empty text if none is near.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control.controller import Array
-from circuitkit.engine import State, compile_circuit
+from circuitkit.engine import compile_circuit
 from circuitkit.errors import InputError, Problem, listing, suggest
 from circuitkit.units import Unit
 
@@ -78,21 +78,14 @@ class CircuitController:
         return readout
 
     def _step_where_finite(self, observation: Array) -> Array:
-        missing = np.logical_not(np.isfinite(observation).all(axis=1, keepdims=True))
+        missing = np.logical_not(np.isfinite(observation).all(axis=1))
         before = self._stepper.state
-        self._inputs[...] = np.where(missing, 0.0, observation)
+        self._inputs[...] = np.where(missing[:, np.newaxis], 0.0, observation)
         self._stepper.step()
         after = self._stepper.state
-        self._stepper.state = State(
-            *(
-                np.where(missing, old, new)
-                for old, new in zip(
-                    (before.activation, before.output, before.readout),
-                    (after.activation, after.output, after.readout),
-                    strict=True,
-                )
-            )
-        )
+        for old, new in zip(before.arrays(), after.arrays(), strict=True):
+            new[missing] = old[missing]
+        self._stepper.state = after
         return self._stepper.readout
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from circuitkit.engine.state import FloatArray
@@ -16,17 +18,20 @@ def input_problem(message: str) -> InputError:
     return InputError(Problem("", 0, 0, "inputs", message))
 
 
-def require_batch(batch: int) -> None:
-    """Require a batch size of at least 1.
+def require_batch(batch: int | None, members: int) -> int:
+    """The size of a batch: at least 1, and in a sweep the number of its members.
 
     Raises:
-        InputError: It is smaller.
+        InputError: It is another one.
     """
-    if batch < 1:
-        raise InputError(Problem("", 0, 0, "batch", f"found {batch}; allowed: whole numbers from 1"))
+    size = members or 1 if batch is None else batch
+    if size < 1 or members not in {0, size}:
+        allowed = f"{members}, the number of circuits of the sweep" if members else "whole numbers from 1"
+        raise InputError(Problem("", 0, 0, "batch", f"found {size}; allowed: {allowed}"))
+    return size
 
 
-def require_inputs(inputs: FloatArray, names: tuple[str, ...]) -> None:
+def require_inputs(inputs: FloatArray, names: Sequence[str]) -> None:
     """Require an array of shape (B, n_inputs) or (T, B, n_inputs).
 
     Raises:
@@ -38,7 +43,7 @@ def require_inputs(inputs: FloatArray, names: tuple[str, ...]) -> None:
         raise input_problem(message)
 
 
-def require_step_inputs(inputs: FloatArray, batch: int, names: tuple[str, ...]) -> None:
+def require_step_inputs(inputs: FloatArray, batch: int, names: Sequence[str]) -> None:
     """Require an array of shape (B, n_inputs) with the batch size B of the state.
 
     Raises:
@@ -49,7 +54,7 @@ def require_step_inputs(inputs: FloatArray, batch: int, names: tuple[str, ...]) 
         raise input_problem(message)
 
 
-def as_run_inputs(inputs: FloatArray, names: tuple[str, ...]) -> FloatArray:
+def as_run_inputs(inputs: FloatArray, names: Sequence[str]) -> FloatArray:
     """The inputs as an array of shape (T, B, n_inputs).
 
     Raises:
@@ -67,6 +72,6 @@ def _shown(inputs: object) -> str:
     return f"{type(inputs).__name__}" if shape is None else f"shape {shape}"
 
 
-def _wanted(leading: str, names: tuple[str, ...]) -> str:
+def _wanted(leading: str, names: Sequence[str]) -> str:
     columns = f" with the columns {', '.join(names)}" if names else ""
     return f"an array of shape ({leading}, {len(names)}){columns}"

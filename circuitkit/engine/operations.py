@@ -24,16 +24,19 @@ PointerArray: TypeAlias = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Sum:
-    """Weighted sums (eq. 11): `row[start + i] = sum_k weights[k] * row[sources[k]]`, k = indptr[i] ... indptr[i+1] - 1.
+    """Weighted sums (eq. 11): `row[start + i] = sum_k weights[k] * row[base + sources[k]]`.
+
+    k runs from indptr[i] to indptr[i + 1] - 1, and the terms are added in this order, to zero or to the row.
 
     Attributes:
         start: First row that is written.
         stop: The row after the last one.
         indptr: Where the terms of each sum begin, shape (stop - start + 1,).
-        sources: Row of every term, shape (n_terms,); never one of the rows that are written.
+        sources: Row of every term less `base`, shape (n_terms,); never one of the rows that are written.
         weights: Weight of every term, shape (n_terms,), () for one weight for all, or (n_terms, B) for one of
             each member of the batch; [SI].
-        add: Whether the sum is added to what stands in the row, instead of replacing it.
+        add: Whether the terms are added to what stands in the row, instead of replacing it.
+        base: Row to which the sources are counted: a projection's own array of sources serves as it is.
     """
 
     start: int
@@ -42,6 +45,7 @@ class Sum:
     sources: IndexArray
     weights: FloatArray
     add: bool = False
+    base: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +80,7 @@ class Noise:
     Attributes:
         start: First row.
         stop: The row after the last one.
-        scale: Standard deviation, shape (stop - start,), [SI].
+        scale: Standard deviation, shape (stop - start,), (), or (stop - start, B), [SI].
         streams: Number of every row's stream, shape (stop - start,); no two rows of a program share one.
     """
 

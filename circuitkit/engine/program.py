@@ -1,107 +1,91 @@
-"""`Program`: a circuit as frozen arrays, names bound to indices once."""
+"""`Program`: a circuit as operations on frozen arrays, names bound to indices once."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from circuitkit.engine.backends import Kernel, load_backend
 from circuitkit.engine.checks import input_problem, require_batch, require_inputs
-from circuitkit.engine.layout import Block
+from circuitkit.engine.operations import IndexArray, Operation, Remember
 from circuitkit.engine.state import FloatArray, State
 from circuitkit.errors import InputError, Problem, UnknownNameError
 
 if TYPE_CHECKING:
     from circuitkit.engine.run import Stepper
 
-IndexArray: TypeAlias = npt.NDArray[np.intp]
+Precision = Literal["float64", "float32"]
 _MAX_IDLE_SIZES = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Gather:
-    """Weighted sums: row `start + i` gets terms `weights[j, i] * row[sources[j, i]]`, added in order of j.
-
-    Attributes:
-        start: First row that is summed.
-        stop: The row after the last one.
-        sources: Rows of the source table, shape (k, stop - start); short sums are filled up with row 0, which
-            is zero.
-        weights: Weights, shape (k, stop - start), [SI].
-    """
-
-    start: int
-    stop: int
-    sources: IndexArray
-    weights: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """Neurons that are evaluated together: the sums of eq. 11, then the functions of eq. 12."""
-
-    gathers: tuple[Gather, ...]
-    blocks: tuple[Block, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Readout:
-    """Outputs of the circuit: `y' = clip(keep * y + r, low, high)`; no first term if they do not integrate.
-
-    Attributes:
-        gathers: The weighted sums r, over rows in file order of the outputs.
-        integrating: Ranges (start, stop) of rows that integrate.
-        keep: `1 - leak`, shape (n_outputs,), dimensionless; 0 where nothing is integrated.
-        low: Lower limits, shape (n_outputs,), [SI].
-        high: Upper limits, shape (n_outputs,), [SI].
-    """
-
-    gathers: tuple[Gather, ...]
-    integrating: tuple[tuple[int, int], ...]
-    keep: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Program:
-    """A compiled circuit. Names and indices that a user meets are in file order; rows are an inner matter.
+    """A compiled circuit. Names and columns that a user meets are in file order; rows are an inner matter.
 
-    The source table, of which gathers speak, has the rows: zero, inputs, neurons (by stage and equation, see
-    `circuitkit.engine.layout`), held outputs.
+    A control step: write the inputs into rows 1 ... n_inputs; do `before`; `substeps` times `substep`; `after`.
 
     Attributes:
         name: Name of the circuit.
         step_s: Control step, [s].
+        substeps: How often `substep` is done in a control step.
         input_names: In file order.
-        neuron_names: In file order.
+        neuron_names: In file order; formatted when they are asked for if there are populations.
         output_names: In file order.
-        stages: What is done in a tick, in order.
-        readout: The outputs.
-        neuron_of_row: Neuron of each of the neurons' rows, shape (n_rows,); at least one for each.
-        row_of_neuron: First row of each neuron among the neurons' rows, shape (n_neurons,).
-        held: Rows among the neurons' rows whose last output is kept during a tick, shape (n_held,).
-        outputs_first: Whether an output follows from the last activation (timing `as_printed`).
+        n_rows: Rows of the table, row 0 (always zero) included.
+        before: Operations at the beginning of a control step.
+        substep: Operations of a substep.
+        after: Operations at the end of a control step.
+        initial: Every row at the start, shape (n_rows,), or (n_rows, B) in a sweep, [SI].
+        activation_rows: Row of the activation of every neuron, shape (n_neurons,).
+        output_rows: Row of the output of every neuron, shape (n_neurons,).
+        readout_rows: First row of the outputs of the circuit and the row after the last one.
+        state_rows: Every other row that must survive a control step, shape (n_states,). All rows that are in
+            none of these four and are no inputs are written before they are read, in every control step.
+        state_names: What is in the state rows, shape (n_states,).
+        members: Number B of circuits in a sweep, which all differ in constants; 0 for one circuit.
         backend: Name of the backend.
+        precision: In which all is computed.
+        reproducible: Whether a member of a batch gets the same bits whatever the size of the batch.
+        note: What the choice "auto" of the backend led to, and why; empty if there was no choice.
     """
 
     name: str
     step_s: float
-    input_names: tuple[str, ...]
-    neuron_names: tuple[str, ...]
-    output_names: tuple[str, ...]
-    stages: tuple[Stage, ...]
-    readout: Readout
-    neuron_of_row: IndexArray
-    row_of_neuron: IndexArray
-    held: IndexArray
-    outputs_first: bool
-    backend: str
+    substeps: int
+    input_names: Sequence[str]
+    neuron_names: Sequence[str]
+    output_names: Sequence[str]
+    n_rows: int
+    before: tuple[Operation, ...]
+    substep: tuple[Operation, ...]
+    after: tuple[Operation, ...]
+    initial: FloatArray
+    activation_rows: IndexArray
+    output_rows: IndexArray
+    readout_rows: tuple[int, int]
+    state_rows: IndexArray
+    state_names: Sequence[str]
+    members: int = 0
+    backend: str = "numpy"
+    precision: Precision = "float64"
+    reproducible: bool = True
+    note: str = ""
     _idle: dict[int, list[Kernel]] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def operations(self) -> tuple[Operation, ...]:
+        """All of them."""
+        return (*self.before, *self.substep, *self.after)
+
+    @property
+    def memories(self) -> tuple[Remember, ...]:
+        """What fills each memory, by its number."""
+        found = [operation for operation in self.operations if isinstance(operation, Remember)]
+        return tuple(sorted(found, key=lambda operation: operation.memory))
 
     @property
     def input_index(self) -> Mapping[str, int]:
@@ -118,25 +102,49 @@ class Program:
         """Column of each output of the circuit."""
         return {name: i for i, name in enumerate(self.output_names)}
 
-    def initial_state(self, batch: int = 1) -> State:
-        """The state before the first tick: activations, outputs and integrators all 0.
+    def initial_state(self, batch: int | None = None, seed: int = 0) -> State:
+        """The state before the first step.
+
+        Args:
+            batch: Number of copies B; by default as many as a sweep has members, else 1.
+            seed: Of the noise: copy b has the seed `seed + b`.
 
         Raises:
-            InputError: `batch` is not at least 1.
+            InputError: `batch` is not at least 1, or not the number of members of a sweep.
         """
-        require_batch(batch)
-        return State.zeros(batch, neurons=len(self.neuron_names), outputs=len(self.output_names))
+        size = require_batch(batch, self.members)
+        first = self.initial if self.initial.ndim > 1 else self.initial[:, np.newaxis]
 
-    def stepper(self, batch: int = 1) -> Stepper:
+        def begin(rows: IndexArray | slice) -> FloatArray:
+            values = first[rows].T
+            return np.array(np.broadcast_to(values, (size, values.shape[1])), order="C")
+
+        def past(memory: Remember) -> FloatArray:
+            return np.repeat(begin(memory.sources)[:, np.newaxis], memory.depth, axis=1)
+
+        return State(
+            activation=begin(self.activation_rows),
+            output=begin(self.output_rows),
+            readout=begin(slice(*self.readout_rows)),
+            states=begin(self.state_rows),
+            histories=tuple(past(memory) for memory in self.memories),
+            time=0,
+            seed=np.uint64(seed) + np.arange(size, dtype=np.uint64),
+        )
+
+    def stepper(self, batch: int | None = None, seed: int = 0) -> Stepper:
         """An object with arrays of its own that steps in place, for loops that count microseconds.
 
+        Args:
+            batch: As in `initial_state`.
+            seed: As in `initial_state`.
+
         Raises:
-            InputError: `batch` is not at least 1.
+            InputError: As in `initial_state`.
         """
         from circuitkit.engine.run import Stepper
 
-        require_batch(batch)
-        return Stepper(self, batch)
+        return Stepper(self, self.initial_state(batch, seed))
 
     def pack_inputs(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Put inputs given by name side by side, in the order that `step` and `run` want.
@@ -172,7 +180,7 @@ class Program:
         return packed
 
     def check_inputs(self, inputs: FloatArray) -> None:
-        """Find values that are not finite, which `step` would carry through to every neuron they reach.
+        """Find values that are not finite, which no step accepts.
 
         Args:
             inputs: Shape (B, n_inputs) or (T, B, n_inputs), [SI].

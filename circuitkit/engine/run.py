@@ -1,27 +1,28 @@
-"""Step a program: `step` (pure), `run` (many ticks in one call) and `Stepper` (in place, for loops)."""
+"""Step a program: `step` (pure), `run` (many steps in one call) and `Stepper` (in place, for loops)."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from circuitkit.engine.checks import as_run_inputs, require_step_inputs
+from circuitkit.engine.divergence import raise_for
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray, State, Trace
 from circuitkit.errors import InputError, Problem
 
 
 def step(program: Program, state: State, inputs: FloatArray, out: State | None = None) -> State:
-    """Do one tick (eqs. 11 and 12, in the timing of the circuit) and return the new state.
-
-    NaN and infinity are not looked for: they pass, without a warning, along the synapses to every neuron they
-    reach. `program.check_inputs` finds them.
+    """Do one control step and return the new state.
 
     Args:
         program: The compiled circuit.
-        state: The state before the tick; not changed.
+        state: The state before the step; not changed.
         inputs: Shape (B, n_inputs), [SI].
         out: A state whose arrays take the result; may be `state` itself. None makes new arrays.
 
     Raises:
-        InputError: The shape of the inputs or of a state does not fit.
+        InputError: The shape of the inputs or of a state does not fit, or an input is not finite.
+        DivergedError: A number that is not finite came out.
     """
     batch = state.batch
     _require_state(program, state, batch, "state")
@@ -32,69 +33,71 @@ def step(program: Program, state: State, inputs: FloatArray, out: State | None =
     kernel = program.borrow_kernel(batch)
     kernel.load(state)
     kernel.inputs[...] = inputs
-    kernel.advance()
+    is_finite = kernel.advance()
     kernel.store(result)
+    result.seed[...] = state.seed
     program.return_kernel(kernel)
+    if not is_finite:
+        raise_for(program, inputs, result)
     return result
 
 
-def run(program: Program, inputs: FloatArray, state: State | None = None, *, check: bool = True) -> Trace:
-    """Do T ticks and record everything.
+def run(program: Program, inputs: FloatArray, state: State | None = None) -> Trace:
+    """Do T control steps and record everything.
 
     Args:
         program: The compiled circuit.
         inputs: Shape (T, B, n_inputs), [SI].
-        state: The state before the first tick; by default the initial one.
-        check: Refuse inputs that are not finite, instead of carrying them through.
+        state: The state before the first step; by default the initial one.
 
     Raises:
-        InputError: A shape does not fit, or `check` finds a NaN or an infinity (its input and step are
-            named).
+        InputError: A shape does not fit, or an input is not finite; its name and step are named.
+        DivergedError: A number that is not finite came out; the step and the neuron are named.
     """
     inputs = as_run_inputs(inputs, program.input_names)
-    if check:
-        program.check_inputs(inputs)
-    ticks, batch, _ = inputs.shape
+    program.check_inputs(inputs)
+    steps, batch, _ = inputs.shape
     before = program.initial_state(batch) if state is None else state
     _require_state(program, before, batch, "state")
-    n, m = len(program.neuron_names), len(program.output_names)
-    record = State.zeros(ticks, batch, neurons=n, outputs=m)
+    readout_rows = np.arange(*program.readout_rows, dtype=np.int32)
+    parts = (program.activation_rows, program.output_rows, readout_rows)
+    n = len(program.activation_rows)
+    record = np.empty((steps, batch, sum(map(len, parts))))
     last = before.copy()
     kernel = program.borrow_kernel(batch)
     kernel.load(before)
-    for u, a, o, y in zip(inputs, record.activation, record.output, record.readout, strict=True):
-        kernel.inputs[...] = u
-        kernel.advance()
-        kernel.store(State(a, o, y))
+    done = kernel.run(np.ascontiguousarray(inputs), np.concatenate(parts), record)
     kernel.store(last)
     program.return_kernel(kernel)
-    return Trace(record.activation, record.output, record.readout, last)
+    if done < steps:
+        raise_for(program, inputs[done], last)
+    return Trace(record[..., :n], record[..., n : 2 * n], record[..., 2 * n :], last)
 
 
 class Stepper:
-    """Steps `B` copies of a circuit in arrays of its own; starts at the initial state, one thread at a time.
+    """Steps `B` copies of a circuit in arrays of its own; one thread at a time.
 
     Either `stepper.step(inputs)`, or write into `stepper.inputs` and call `stepper.step()`.
 
     Attributes:
         program: The compiled circuit.
         batch: Number of copies B.
-        inputs: The inputs of the next tick, to be written in place, shape (B, n_inputs), [SI].
-        readout: Outputs of the circuit after the last tick, a read-only view of shape (B, n_outputs), [SI].
+        inputs: The inputs of the next step, to be written in place, shape (B, n_inputs), [SI].
+        readout: Outputs of the circuit after the last step, a read-only view of shape (B, n_outputs), [SI].
     """
 
-    def __init__(self, program: Program, batch: int) -> None:
-        self._kernel = program.new_kernel(batch)
+    def __init__(self, program: Program, state: State) -> None:
+        self._first = state
+        self._kernel = program.new_kernel(state.batch)
         self._advance = self._kernel.advance
         self.program = program
-        self.batch = batch
+        self.batch = state.batch
         self.inputs = self._kernel.inputs
         self.readout = self._kernel.readout
+        self.reset()
 
     def step(self, inputs: FloatArray | None = None) -> FloatArray:
-        """Do one tick.
-
-        NaN and infinity are not looked for; see `circuitkit.engine.step`.
+        """Do one control step.
 
         Args:
             inputs: Shape (B, n_inputs), [SI]; None takes what stands in `self.inputs`.
@@ -103,24 +106,26 @@ class Stepper:
             `self.readout`: a view, which the next step overwrites.
 
         Raises:
-            InputError: The inputs have another shape.
+            InputError: The inputs have another shape, or one is not finite; the state is then of no more use.
+            DivergedError: A number that is not finite came out.
         """
         if inputs is not None:
             own = self.inputs
             if getattr(inputs, "shape", None) != own.shape:
                 require_step_inputs(inputs, self.batch, self.program.input_names)
             own[...] = inputs
-        self._advance()
+        if not self._advance():
+            raise_for(self.program, self.inputs, self.state)
         return self.readout
 
     def store_output(self, output: FloatArray) -> None:
-        """Write the neurons' outputs after the last tick into an array of shape (B, n_neurons)."""
+        """Write the neurons' outputs after the last step into an array of shape (B, n_neurons)."""
         self._kernel.store_output(output)
 
     @property
     def state(self) -> State:
         """A copy of the state; assign one to go on from it."""
-        state = self.program.initial_state(self.batch)
+        state = self._first.copy()
         self._kernel.store(state)
         return state
 
@@ -130,8 +135,8 @@ class Stepper:
         self._kernel.load(state)
 
     def reset(self) -> None:
-        """Go back to the initial state."""
-        self._kernel.load(self.program.initial_state(self.batch))
+        """Go back to the state that it began with."""
+        self._kernel.load(self._first)
 
 
 def _require_state(program: Program, state: State, batch: int, where: str) -> None:

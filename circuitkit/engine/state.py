@@ -1,4 +1,4 @@
-"""`State`: all that a circuit remembers from tick to tick; `Trace`: what it did over many."""
+"""`State`: all that a circuit remembers from step to step; `Trace`: what it did over many."""
 
 from __future__ import annotations
 
@@ -9,50 +9,63 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+SeedArray: TypeAlias = npt.NDArray[np.uint64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class State:
-    """What `B` independent copies of a circuit remember from tick to tick; columns in file order.
+    """What `B` independent copies of a circuit remember from step to step; columns in file order.
 
     Attributes:
         activation: Activation A of every neuron (eq. 11), shape (B, n_neurons), [SI unit of its activation].
         output: Output O of every neuron (eq. 12), shape (B, n_neurons), dimensionless.
         readout: Outputs of the circuit, which integrating ones add to, shape (B, n_outputs), [SI].
+        states: States of neurons and synapses, in the order of the program's `state_rows`, shape
+            (B, n_states), [SI].
+        histories: For every memory the values of the past, the newest first, shape (B, depth, n_slots).
+        time: Number of control steps done.
+        seed: Seed of the noise of every copy, shape (B,).
     """
 
     activation: FloatArray
     output: FloatArray
     readout: FloatArray
+    states: FloatArray
+    histories: tuple[FloatArray, ...]
+    time: int
+    seed: SeedArray
 
     @property
     def batch(self) -> int:
         """Number of copies B."""
         return len(self.activation)
 
-    @classmethod
-    def zeros(cls, *leading: int, neurons: int, outputs: int) -> State:
-        """A state that is zero everywhere, with any leading axes, such as (B,) or (T, B)."""
-        return cls(
-            activation=np.zeros((*leading, neurons)),
-            output=np.zeros((*leading, neurons)),
-            readout=np.zeros((*leading, outputs)),
-        )
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """All arrays of numbers that the circuit computes, each with the batch as its first axis."""
+        return (self.activation, self.output, self.readout, self.states, *self.histories)
 
     def copy(self) -> State:
         """The same values in arrays of its own."""
-        return State(self.activation.copy(), self.output.copy(), self.readout.copy())
+        return State(
+            self.activation.copy(),
+            self.output.copy(),
+            self.readout.copy(),
+            self.states.copy(),
+            tuple(history.copy() for history in self.histories),
+            self.time,
+            self.seed.copy(),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Everything that a circuit did over T ticks; row t is the state after tick t, columns in file order.
+    """What a circuit did over T steps; row t is the state after step t, columns in file order.
 
     Attributes:
-        activation: Activation of every neuron, shape (T, B, n_neurons), [SI unit of its activation].
-        output: Output of every neuron, shape (T, B, n_neurons), dimensionless.
+        activation: Activations, shape (T, B, n_neurons), [SI unit of its activation].
+        output: Outputs of the neurons, shape (T, B, n_neurons), dimensionless.
         readout: Outputs of the circuit, shape (T, B, n_outputs), [SI].
-        state: The state after the last tick, to go on from.
+        state: The state after the last step, to go on from.
     """
 
     activation: FloatArray

@@ -112,7 +112,7 @@ def test_a_stepper_takes_inputs_in_place_and_goes_back_to_any_state(program):
 
 def test_a_program_is_frozen_and_survives_pickling(program):
     with pytest.raises(ValueError, match="read-only"):
-        program.stages[0].gathers[0].weights[0, 0] = 2.0
+        program.before[0].weights[0] = 2.0
     with pytest.raises(AttributeError):
         program.name = "other"
     inputs = np.random.default_rng(0).normal(size=(5, 2, 1))

@@ -1,0 +1,161 @@
+"""Which neurons stand side by side: those of one model in one stage, in neighbouring rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from circuitkit.circuit.graph import CircuitGraph, Neuron, PerMember, Population
+from circuitkit.circuit.models.model import SPIKE, NeuronModel
+from circuitkit.engine.lowering.order import Order
+from circuitkit.engine.lowering.table import Table
+from circuitkit.engine.state import FloatArray
+
+
+@dataclass(eq=False)
+class Block:
+    """A neuron or a population.
+
+    Attributes:
+        node: The one or the other.
+        size: Number of neurons.
+        column: Index of its first neuron in file order.
+        group: With which others it stands side by side.
+        offset: How many neurons of the group stand before it.
+    """
+
+    node: Neuron | Population
+    size: int
+    column: int
+    group: Group = field(init=False)
+    offset: int = field(init=False)
+
+    @property
+    def activation(self) -> int:
+        """First row of its activations."""
+        return self.group.activation + self.offset
+
+    @property
+    def output(self) -> int:
+        """First row of its outputs at control rate."""
+        return self.group.output + self.offset
+
+    @property
+    def momentary(self) -> int:
+        """First row of its outputs in a substep."""
+        return self.group.momentary + self.offset
+
+    def state(self, name: str) -> int:
+        """First row of a state."""
+        return self.group.states[name] + self.offset
+
+
+@dataclass(eq=False)
+class Group:
+    """Neurons of one model that are evaluated together; each kind of value in neighbouring rows.
+
+    Attributes:
+        model: The equations.
+        blocks: Neurons before populations, each in file order.
+        count: Number of neurons.
+        activation: First row of the activations.
+        output: First row of the outputs as they are seen at control rate.
+        momentary: First row of the outputs of a substep; where a model spikes these are others than `output`.
+        states: First row of every state.
+    """
+
+    model: NeuronModel
+    blocks: list[Block]
+    count: int = 0
+    activation: int = 0
+    output: int = 0
+    momentary: int = 0
+    states: dict[str, int] = field(default_factory=dict)
+
+    def values(self, pick: Callable[[Neuron | Population], PerMember]) -> FloatArray:
+        """A value of every neuron, shape (count,), or shape () if it is the same for all."""
+        return _joined([(pick(block.node), block.size) for block in self.blocks])
+
+    def parameters(self) -> dict[str, FloatArray]:
+        """The values of all parameters of the model, [SI]."""
+        return {name: self.values(partial(_parameter, name)) for name in self.model.parameter_names}
+
+    def columns(self) -> npt.NDArray[np.int64]:
+        """Index in file order of every neuron, shape (count,)."""
+        return np.concatenate([np.arange(block.column, block.column + block.size) for block in self.blocks])
+
+    @property
+    def counts_spikes(self) -> bool:
+        """Whether what is seen at control rate is the sum over the substeps."""
+        return self.model.continuous and SPIKE in self.model.output.names()
+
+
+def make_blocks(graph: CircuitGraph) -> dict[str, Block]:
+    """Neurons and populations by name, in file order."""
+    blocks = {neuron.name: Block(neuron, 1, column) for column, neuron in enumerate(graph.neurons)}
+    column = len(blocks)
+    for population in graph.populations:
+        blocks[population.name] = Block(population, population.size, column)
+        column += population.size
+    return blocks
+
+
+def make_stages(blocks: Mapping[str, Block], order: Order) -> list[list[Group]]:
+    """The groups of every stage of the discrete neurons, and behind them those of the continuous ones."""
+    stages = [_grouped([blocks[name] for name in names]) for names in order.stages]
+    continuous = [block for block in blocks.values() if block.node.model.continuous]
+    return [*stages, _grouped(continuous)]
+
+
+def place_groups(groups: Sequence[Group], table: Table) -> None:
+    """Give all groups their rows: all activations, then all outputs, then the rest."""
+    for group in groups:
+        group.activation = table.take(group.count)
+    for group in groups:
+        group.output = group.momentary = table.take(group.count)
+
+
+def place_states(groups: Sequence[Group], table: Table) -> Iterator[tuple[str, int, int]]:
+    """Give the states of all groups their rows; yields what they are called, first rows and counts."""
+    for group in groups:
+        for state in group.model.states:
+            initial = group.values(partial(_initial, state.name))
+            group.states[state.name] = table.take(group.count, initial)
+            yield state.name, group.states[state.name], group.count
+        if group.counts_spikes:
+            group.momentary = table.take(group.count)
+            yield SPIKE, group.momentary, group.count
+
+
+def _grouped(blocks: Sequence[Block]) -> list[Group]:
+    groups: dict[NeuronModel, Group] = {}
+    for block in blocks:
+        groups.setdefault(block.node.model, Group(block.node.model, [])).blocks.append(block)
+    for group in groups.values():
+        group.blocks.sort(key=lambda block: isinstance(block.node, Population))
+        for block in group.blocks:
+            block.group, block.offset = group, group.count
+            group.count += block.size
+    return list(groups.values())
+
+
+def _parameter(name: str, node: Neuron | Population) -> PerMember:
+    return node.parameters[name]
+
+
+def _initial(name: str, node: Neuron | Population) -> PerMember:
+    return node.initial[name]
+
+
+def _joined(parts: Sequence[tuple[PerMember, int]]) -> FloatArray:
+    """Values one after the other, shape (sum of sizes,), or shape () if they are all the same number."""
+    numbers = {value if isinstance(value, float | int) else None for value, _ in parts}
+    if len(numbers) == 1 and None not in numbers:
+        return np.array(numbers.pop(), dtype=np.float64)
+    if None not in numbers and len(parts) == sum(size for _, size in parts):
+        return np.array([value for value, _ in parts], dtype=np.float64)
+    return np.concatenate([np.broadcast_to(np.asarray(value, np.float64), (size,)) for value, size in parts])
