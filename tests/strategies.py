@@ -36,6 +36,9 @@ def reciprocal(unit: str) -> str:
     return "1" if unit == "1" else f"/{unit}"
 
 
+MEMORYLESS = [name for name in NEURON_MODEL_NAMES if not neuron_model(name).states]
+
+
 @st.composite
 def inputs(draw: st.DrawFn) -> dict[str, Any]:
     """A sensorial input."""
@@ -48,7 +51,7 @@ def inputs(draw: st.DrawFn) -> dict[str, Any]:
 @st.composite
 def neurons(draw: st.DrawFn, unit: str) -> dict[str, Any]:
     """A neuron of any model whose activation has this unit; parameters with a default may be left out."""
-    model = neuron_model(draw(st.sampled_from(NEURON_MODEL_NAMES)))
+    model = neuron_model(draw(st.sampled_from(MEMORYLESS)))
     units = {"activation": unit, "1/activation": reciprocal(unit), "1": "1"}
     entry: dict[str, Any] = {"model": model.name, "role": draw(st.sampled_from(["excitatory", "inhibitory"]))}
     numbers = {each.name: draw(signed) for each in model.parameters}

@@ -9,6 +9,7 @@ import math
 import pytest
 
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
+from circuitkit.circuit.models import NEURON_MODEL_NAMES
 from circuitkit.errors import InputError, UnknownNameError
 
 BASE = """\
@@ -44,7 +45,7 @@ def test_the_base_is_valid(tmp_path, monkeypatch):
     assert findings(BASE, tmp_path, monkeypatch) == ([], [])
 
 
-MODELS = "identity, sigmoid, step, tanh, threshold_linear, window"
+MODELS = ", ".join(NEURON_MODEL_NAMES)
 VALUE = "a number, a quantity such as '-80 mm', or a parameter"
 UNITS = "1, %, m, km, cm, mm, um, kg, g, s, ms, us, min, h, Hz, kHz, rad, mrad, deg, N and 10 more"
 NAME = "a name of letters, digits and _, not starting with a digit"

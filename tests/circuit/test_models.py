@@ -1,4 +1,4 @@
-"""The neuron models: their files, their equations against the literature, and their units."""
+"""The shipped models: their files, their equations against the literature, and their units."""
 
 from __future__ import annotations
 
@@ -8,11 +8,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
+from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.models import (
+    NEURON_MODEL_NAMES,
+    STATIC,
+    SYNAPSE_MODEL_NAMES,
+    NeuronModel,
+    SynapseModel,
+    neuron_model,
+    synapse_model,
+)
 from circuitkit.circuit.models.model import ACTIVATION
 from circuitkit.errors import UnknownNameError
 
 numbers = st.floats(-10, 10)
+MEMORYLESS = [name for name in NEURON_MODEL_NAMES if not neuron_model(name).states]
 
 
 def output(name: str, activation: float, **parameters: float) -> float:
@@ -75,41 +85,86 @@ def test_tanh_is_a_scaled_sigmoid(activation, slope, shift):
     assert output("tanh", activation, slope=slope, shift=shift) == pytest.approx(scaled, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", NEURON_MODEL_NAMES)
+@pytest.mark.parametrize("name", MEMORYLESS)
 @given(data=st.data(), unit=st.sampled_from([1e-3, 0.25, 1000.0]))
 def test_outputs_do_not_depend_on_the_unit_of_the_activation(name, data, unit):
     """Dimensional analysis by numbers: rescaling all that has a unit must change nothing."""
     model = neuron_model(name)
-    power = {"activation": 1, "1/activation": -1, "1": 0}
     values = {each.name: data.draw(numbers) for each in model.parameters}
     activation = data.draw(numbers.filter(lambda a: all(abs(a - v) > 1e-6 for v in values.values())))
-    scaled = {each.name: values[each.name] * unit ** power[each.unit_rule.text] for each in model.parameters}
+    scaled = {each.name: values[each.name] * unit**each.unit_rule.activation for each in model.parameters}
     here = output(name, activation, **values)
     assert output(name, activation * unit, **scaled) == pytest.approx(here, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", NEURON_MODEL_NAMES)
-def test_model_files_are_complete(name):
-    model = neuron_model(name)
-    assert model.name == name
+def equations(model: NeuronModel | SynapseModel) -> list[Expression]:
+    """Every expression that a model has, but initial values."""
+    found = [*model.derivatives.values(), *model.updates.values()]
+    if isinstance(model, NeuronModel):
+        return [
+            *found,
+            model.output,
+            *((model.spike.when, *model.spike.reset.values()) if model.spike else ()),
+        ]
+    return [*found, model.current, *model.jumps.values()]
+
+
+EVERY_MODEL = [
+    *(neuron_model(name) for name in NEURON_MODEL_NAMES),
+    *(synapse_model(name) for name in SYNAPSE_MODEL_NAMES),
+]
+
+
+@pytest.mark.parametrize("model", EVERY_MODEL, ids=lambda model: model.name)
+def test_model_files_are_complete(model):
+    assert model.name in (*NEURON_MODEL_NAMES, *SYNAPSE_MODEL_NAMES)
     assert model.description.endswith(".")
     assert model.source
-    assert model.output.names() == {ACTIVATION, *model.parameter_names}
+    used = frozenset().union(*(each.names() for each in equations(model)))
+    starts = frozenset().union(*(state.initial.names() for state in model.states), ())
+    assert used | starts >= {*model.parameter_names, *(state.name for state in model.states)}
     assert set(model.increasing) <= set(model.parameter_names)
-    for parameter in model.parameters:
+    for parameter in (*model.parameters, *model.states):
         assert parameter.description
+    for parameter in model.parameters:
         # A default in an activation's unit would mean something else in every unit, unless it is zero.
-        assert parameter.default in (None, 0) or parameter.unit_rule.text != "activation"
+        assert parameter.default in (None, 0) or parameter.unit_rule.text not in ("activation", "weight")
+
+
+def test_every_kind_of_model_is_shipped():
+    """The list of the language's page, so that nothing gets lost."""
+    assert set(NEURON_MODEL_NAMES) == {
+        *("sigmoid", "window", "identity", "threshold_linear", "tanh", "step"),
+        *("leaky_integrator", "leaky_linear", "conductance", "matsuoka"),
+        *("leaky_integrate_and_fire", "adaptive_exponential", "izhikevich"),
+    }
+    assert set(SYNAPSE_MODEL_NAMES) == {
+        *("static", "first_order", "exponential", "conductance", "exponential_conductance", "gated"),
+        *("depressing_facilitating", "depressing_facilitating_rate", "hebbian", "oja"),
+    }
+    assert [name for name in SYNAPSE_MODEL_NAMES if synapse_model(name).gated] == ["gated"]
+
+
+@pytest.mark.parametrize("model", EVERY_MODEL, ids=lambda model: model.name)
+def test_shared_states_are_those_of_models_linear_in_the_weight(model):
+    """A model whose states are kept per target sees the sources' sum alone; `weight` is not a state of it."""
+    if isinstance(model, SynapseModel):
+        used = frozenset().union(*(each.names() for each in equations(model)))
+        assert ("input" in used) == (model.per == "target")
+        assert used.isdisjoint({"pre", "weight"}) == (model.per == "target")
 
 
 def test_models_are_read_once():
     assert neuron_model("sigmoid") is neuron_model("sigmoid")
+    assert synapse_model("static") is STATIC
 
 
 def test_an_unknown_model_is_named():
     with pytest.raises(UnknownNameError) as caught:
         neuron_model("sigmoyd")
-    assert str(caught.value) == (
-        "unknown model 'sigmoyd'; allowed: identity, sigmoid, step, tanh, threshold_linear, window; "
-        "did you mean 'sigmoid'?"
-    )
+    names = ", ".join(NEURON_MODEL_NAMES)
+    assert str(caught.value) == f"unknown model 'sigmoyd'; allowed: {names}; did you mean 'sigmoid'?"
+    with pytest.raises(UnknownNameError) as caught:
+        synapse_model("statik")
+    names = ", ".join(SYNAPSE_MODEL_NAMES)
+    assert str(caught.value) == f"unknown model 'statik'; allowed: {names}; did you mean 'static'?"

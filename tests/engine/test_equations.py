@@ -151,7 +151,10 @@ def test_stages_are_as_few_as_the_timing_allows(timing):
     assert stages == ((("a", "x"), ("b",), ("c",)) if timing == "ordered" else (tuple(names),))
 
 
-@pytest.mark.parametrize("name", NEURON_MODEL_NAMES)
+MEMORYLESS = [name for name in NEURON_MODEL_NAMES if not neuron_model(name).states]
+
+
+@pytest.mark.parametrize("name", MEMORYLESS)
 def test_every_model_computes_its_equation(build, name):
     model = neuron_model(name)
     parameters = {"slope": 7.5, "shift": 0.2, "low": -0.4, "high": 0.3, "gain": -1.5}

@@ -11,11 +11,19 @@ from circuitkit.circuit.models.model import (
     SynapseModel,
     UnitRule,
 )
-from circuitkit.circuit.models.reading import NEURON_MODEL_NAMES, STATIC, neuron_model
+from circuitkit.circuit.models.reading import read_neuron_model, read_synapse_model
+from circuitkit.circuit.models.shipped import (
+    NEURON_MODEL_NAMES,
+    STATIC,
+    SYNAPSE_MODEL_NAMES,
+    neuron_model,
+    synapse_model,
+)
 
 __all__ = [
     "NEURON_MODEL_NAMES",
     "STATIC",
+    "SYNAPSE_MODEL_NAMES",
     "ModelParameter",
     "ModelState",
     "NeuronModel",
@@ -23,4 +31,7 @@ __all__ = [
     "SynapseModel",
     "UnitRule",
     "neuron_model",
+    "read_neuron_model",
+    "read_synapse_model",
+    "synapse_model",
 ]

@@ -23,6 +23,8 @@ INPUT = "input"  # sum of weight times pre over the synapses of a target, where 
 GATE = "gate"  # output of the neuron that the synapse names as its gate
 PRE_STATE, POST_STATE = "pre_", "post_"  # with the name of a state behind: that state of the source or target
 
+_PLAIN = Dimension()
+
 Method = Literal["euler", "exponential_euler", "exact", "rk4"]
 
 
@@ -39,16 +41,16 @@ class UnitRule:
     """
 
     text: str
-    fixed: Dimension = Dimension()
+    fixed: Dimension = _PLAIN
     activation: int = 0
     source: int = 0
     weight: int = 0
 
     def dimension(
         self,
-        activation: Dimension = Dimension(),
-        source: Dimension = Dimension(),
-        weight: Dimension = Dimension(),
+        activation: Dimension = _PLAIN,
+        source: Dimension = _PLAIN,
+        weight: Dimension = _PLAIN,
     ) -> Dimension:
         """The dimension in a circuit where the three are these."""
         found = self.fixed.times(activation, self.activation)
@@ -113,8 +115,9 @@ class Spike:
 class NeuronModel:
     """What a neuron computes from its activation.
 
-    Without states it is a function of the activation (eq. 12). With `derivatives` it is continuous: it advances
-    in substeps by its `method`. With `updates` it is discrete: new values once a control step. Not both.
+    Without states it is a function of the activation (eq. 12). With `derivatives` it is continuous: it
+    advances in substeps by its `method`. With `updates` it is discrete: new values once a control step. It
+    cannot have both.
 
     Attributes:
         name: Its name, as in the circuit file.
@@ -163,10 +166,10 @@ class NeuronModel:
 class SynapseModel:
     """What a synapse delivers to its target's activation.
 
-    With `per` "synapse", expressions are in terms of `weight`, `pre`, `post`, `gate`, states of the source and
-    target (`pre_v`, `post_v`), parameters and own states, which every synapse has for itself. With `per`
-    "target", `input` stands for the sum of weight times pre over all synapses that one entry of the file leads
-    to a target, instead of `weight` and `pre`: the states are kept once for the target.
+    With `per` "synapse", expressions are in terms of `weight`, `pre`, `post`, `gate`, states of the source
+    and target (`pre_v`, `post_v`), parameters and own states, which every synapse has for itself. With `per`
+    "target", `input` stands for the sum of weight times pre over all synapses that one entry of the file
+    leads to a target, instead of `weight` and `pre`: the states are kept once for the target.
 
     In every step or substep: the sources' outputs are read, then `jumps` change the states, then `current` is
     delivered; at its end the states advance by `derivatives`. `updates` run once a control step, at its end.
@@ -186,6 +189,7 @@ class SynapseModel:
         jumps: New values of states on arrival of the sources' outputs, before `current`.
         reads: Dimension of every state of source or target that the expressions use, such as `post_v`.
         method: How the derivatives are integrated.
+        increasing: Names of parameters of which each must be below the next.
     """
 
     name: str
@@ -202,11 +206,18 @@ class SynapseModel:
     jumps: Mapping[str, Expression] = field(default_factory=dict)
     reads: Mapping[str, UnitRule] = field(default_factory=dict)
     method: Method = "exponential_euler"
+    increasing: tuple[str, ...] = ()
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def gated(self) -> bool:
+        """Whether a neuron that gates it must be named."""
+        equations = (self.current, *self.derivatives.values(), *self.updates.values(), *self.jumps.values())
+        return any(GATE in equation.names() for equation in equations)
 
     def __hash__(self) -> int:
         return hash((self.name, self.current))

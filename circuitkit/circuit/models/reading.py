@@ -1,69 +1,198 @@
-"""Model declarations to `NeuronModel` and `SynapseModel`."""
+"""Model declarations, of this folder or of a circuit file, to `NeuronModel` and `SynapseModel`."""
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
+from collections.abc import Mapping
+from typing import TypeVar
 
-from circuitkit.circuit.expression import parse_expression
+from circuitkit.circuit.dimensions import NO_DIMENSION, OpenDimension
+from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.models.declaration import Declaration
+from circuitkit.circuit.models.forms import NeuronForm, SpikeForm, SynapseForm
 from circuitkit.circuit.models.model import (
     ACTIVATION,
+    GATE,
+    INPUT,
+    POST,
+    POST_STATE,
     PRE,
+    PRE_STATE,
+    SPIKE,
     WEIGHT,
-    ModelParameter,
     NeuronModel,
+    Spike,
     SynapseModel,
     UnitRule,
 )
-from circuitkit.errors import UnknownNameError
-from circuitkit.source import FileModel, read_yaml, validate_model
+from circuitkit.circuit.models.unit_rules import NEURON_WORDS, SYNAPSE_WORDS
+from circuitkit.errors import InputError, listing
+from circuitkit.source import Document, FileModel, Place, model_problems
+from circuitkit.units import Unit
 
-_FOLDER = Path(__file__).parent
-NEURON_MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("neurons/*.yaml")))
-_RULES = {
-    "activation": UnitRule("activation", activation=1),
-    "1/activation": UnitRule("1/activation", activation=-1),
-    "1": UnitRule("1"),
-}
-STATIC = SynapseModel(
-    name="static",
-    description="Adds its weight times the source's output.",
-    source="eq. 11 of Castro et al.",
-    parameters=(),
-    current=parse_expression("weight * pre", (WEIGHT, PRE)),
-    weight=UnitRule("activation/source", activation=1, source=-1),
+FormT = TypeVar("FormT", bound=FileModel)
+
+_ACTIVATION_DIMENSION = OpenDimension(activation=1)
+_SOURCE_DIMENSION = OpenDimension(source=1)
+# Keys of neurons and synapses in a circuit file, beside which the parameters stand, and names of equations.
+_KEYS = ("model", "description", "initial")
+_TAKEN_BY_NEURONS = frozenset((*_KEYS, "role", "noise", "size", ACTIVATION, SPIKE, *NEURON_WORDS))
+_TAKEN_BY_SYNAPSES = frozenset(
+    (*_KEYS, "from", "to", "delay", "connect", "self", "kind", PRE, POST, INPUT, GATE, *SYNAPSE_WORDS)
 )
 
 
-class _ParameterFile(FileModel):
-    unit: str
-    default: float | None = None
-    description: str
-
-
-class _ModelFile(FileModel):
-    model: str
-    description: str
-    source: str
-    parameters: dict[str, _ParameterFile]
-    increasing: tuple[str, ...] = ()
-    output: str
-
-
-@lru_cache
-def neuron_model(name: str) -> NeuronModel:
-    """The model of this name.
+def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
+    """The neuron model declared at a place of a document; the last key of the place is its name.
 
     Raises:
-        UnknownNameError: There is none; the message lists those there are.
+        InputError: It is no sound declaration; carries every problem, with line and column.
     """
-    if name not in NEURON_MODEL_NAMES:
-        kind = "model"
-        raise UnknownNameError(kind, name, NEURON_MODEL_NAMES)
-    file = validate_model(read_yaml(_FOLDER / "neurons" / f"{name}.yaml"), _ModelFile)
-    parameters = tuple(
-        ModelParameter(key, _RULES[entry.unit], entry.default, entry.description)
-        for key, entry in file.parameters.items()
+    form = _form(document, place, NeuronForm)
+    declaration = Declaration(document, place, NEURON_WORDS, _TAKEN_BY_NEURONS)
+    activation = _activation(declaration, form)
+    declaration.dimensions |= {ACTIVATION: declaration.dimension(UnitRule("", activation=1))}
+    parameters = declaration.parameters(form.parameters)
+    names = tuple(form.parameters)
+    states = declaration.states(form.states, names)
+    own = (*names, *form.states)
+    derivatives = declaration.equations(("derivatives",), form.derivatives, form.states, (ACTIVATION, *own))
+    updates = declaration.equations(("updates",), form.updates, form.states, (ACTIVATION, *own))
+    spike = None if form.spike is None else _spike(declaration, form.spike, form, own)
+    output = _output(declaration, form, own)
+    declaration.order(form.increasing, names)
+    declaration.method(form.method, derivatives, (ACTIVATION, *form.states))
+    _check_kind(declaration, form)
+    declaration.finish()
+    return NeuronModel(
+        name=str(place[-1]) if place else form.model,
+        description=form.description,
+        source=form.source,
+        parameters=parameters,
+        output=output,
+        increasing=form.increasing,
+        states=states,
+        derivatives=derivatives,
+        updates=updates,
+        spike=spike,
+        method=form.method,
+        activation=activation,
     )
-    output = parse_expression(file.output, (ACTIVATION, *file.parameters))
-    return NeuronModel(file.model, file.description, file.source, parameters, output, file.increasing)
+
+
+def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
+    """The synapse model declared at a place of a document; the last key of the place is its name.
+
+    Raises:
+        InputError: It is no sound declaration; carries every problem, with line and column.
+    """
+    form = _form(document, place, SynapseForm)
+    declaration = Declaration(document, place, SYNAPSE_WORDS[:-1], _TAKEN_BY_SYNAPSES)
+    weight, _ = declaration.rule(("weight",), form.weight)
+    declaration.weight, declaration.words = declaration.dimension(weight), SYNAPSE_WORDS
+    outer = _outer_names(declaration, form)
+    reads = _reads(declaration, form)
+    parameters = declaration.parameters(form.parameters)
+    names = tuple(form.parameters)
+    at_start = (WEIGHT,) if form.per == "synapse" else ()
+    states = declaration.states(form.states, names, at_start)
+    every = (*outer, *reads, *names, *form.states)
+    derivatives = declaration.equations(("derivatives",), form.derivatives, form.states, every)
+    updates = declaration.equations(("updates",), form.updates, form.states, every)
+    jumps = declaration.equations(("jumps",), form.jumps, form.states, every)
+    current = declaration.equation(("current",), form.current, every)
+    declaration.check(("current",), current, _ACTIVATION_DIMENSION)
+    declaration.order(form.increasing, names)
+    declaration.method(form.method, derivatives, (*outer, *reads, *form.states))
+    declaration.finish()
+    return SynapseModel(
+        name=str(place[-1]) if place else form.model,
+        description=form.description,
+        source=form.source,
+        parameters=parameters,
+        current=current,
+        weight=weight,
+        sign=form.sign,
+        per=form.per,
+        states=states,
+        derivatives=derivatives,
+        updates=updates,
+        jumps=jumps,
+        reads=reads,
+        method=form.method,
+        increasing=form.increasing,
+    )
+
+
+def _form(document: Document, place: Place, kind: type[FormT]) -> FormT:
+    data = document.data
+    for part in place:
+        data = data[part]  # type: ignore[index]  # the caller names a part that is there
+    form, findings = model_problems(document, kind, data, place)
+    if form is None:
+        raise InputError(*(finding.problem for finding in findings))
+    return form
+
+
+def _activation(declaration: Declaration, form: NeuronForm) -> Unit | None:
+    """The unit of the activation if the model fixes it; the declaration knows it from here on."""
+    if form.activation is None:
+        return None
+    rule, unit = declaration.rule(("activation",), form.activation)
+    if unit is None:
+        message = f"found '{form.activation}'; allowed: a unit such as nA"
+        declaration.complain(("activation",), message)
+        return None
+    declaration.activation = rule.fixed
+    return unit
+
+
+def _spike(declaration: Declaration, spike: SpikeForm, form: NeuronForm, names: tuple[str, ...]) -> Spike:
+    when = declaration.equation(("spike", "when"), spike.when, names)
+    declaration.check(("spike", "when"), when, None)
+    return Spike(when, declaration.equations(("spike", "reset"), spike.reset, form.states, names))
+
+
+def _output(declaration: Declaration, form: NeuronForm, own: tuple[str, ...]) -> Expression:
+    declaration.dimensions[SPIKE] = NO_DIMENSION
+    names = (*own, *([SPIKE] if form.spike else []), *([] if form.states else [ACTIVATION]))
+    output = declaration.equation(("output",), form.output, names)
+    declaration.check(("output",), output, NO_DIMENSION)
+    return output
+
+
+def _check_kind(declaration: Declaration, form: NeuronForm) -> None:
+    """Complain about a model that is neither memoryless, nor continuous, nor discrete."""
+    if form.derivatives and form.updates:
+        message = "found derivatives and updates; allowed: one of them: derivatives for a continuous model, "
+        declaration.complain(("updates",), f"{message}updates for one that changes once a control step")
+    elif form.states and not (form.derivatives or form.updates):
+        message = "found states without derivatives or updates; allowed: states that change"
+        declaration.complain(("states",), message, at_key=True)
+    if form.spike is not None and not form.derivatives:
+        message = "found a spike without derivatives; allowed: in continuous models"
+        declaration.complain(("spike",), message, at_key=True)
+
+
+def _outer_names(declaration: Declaration, form: SynapseForm) -> tuple[str, ...]:
+    """What a synapse sees beside its own states and parameters; their dimensions are known from here on."""
+    seen = {POST: NO_DIMENSION, GATE: NO_DIMENSION}
+    if form.per == "target":
+        seen |= {INPUT: declaration.weight.times(_SOURCE_DIMENSION)}
+    else:
+        seen |= {WEIGHT: declaration.weight, PRE: _SOURCE_DIMENSION}
+    declaration.dimensions |= seen
+    return tuple(seen)
+
+
+def _reads(declaration: Declaration, form: SynapseForm) -> Mapping[str, UnitRule]:
+    prefixes = (POST_STATE,) if form.per == "target" else (PRE_STATE, POST_STATE)
+    found = {}
+    for name, text in form.reads.items():
+        if not name.startswith(prefixes) or name in prefixes:
+            allowed = listing(f"{prefix}NAME" for prefix in prefixes)
+            message = f"found '{name}'; allowed: {allowed} of a state"
+            declaration.complain(("reads", name), message, at_key=True)
+            continue
+        found[name], _ = declaration.rule(("reads", name), text)
+        declaration.dimensions[name] = declaration.dimension(found[name])
+    return found

@@ -1,0 +1,193 @@
+"""The dimension of an expression, from those of its names; refuses what joins different ones.
+
+Sums, comparisons, minima and maxima need the same dimension on both sides; products and powers multiply
+dimensions; sine and cosine take an angle or a plain number; the other functions take plain numbers. A number
+is dimensionless, except that 0 fits any dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import product
+from typing import NamedTuple
+
+from circuitkit.circuit.expression import COMPARISONS, Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.symbolic import constant, simplify
+from circuitkit.errors import ExpressionError
+from circuitkit.units import Dimension, parse_unit
+
+_NAMED = tuple((symbol, parse_unit(symbol).dimension) for symbol in ("V", "A", "S", "F", "ohm", "N"))
+
+
+class OpenDimension(NamedTuple):
+    """A fixed dimension times powers of two that a circuit decides, such as `activation/s`."""
+
+    fixed: Dimension = Dimension()
+    activation: int = 0
+    source: int = 0
+
+    def times(self, other: OpenDimension, power: int = 1) -> OpenDimension:
+        """Dimension of the product `self * other ** power`."""
+        mine, theirs = self[1:], other[1:]
+        words = (own + power * added for own, added in zip(mine, theirs, strict=True))
+        return OpenDimension(self.fixed.times(other.fixed, power), *words)
+
+    def root(self, degree: int) -> OpenDimension | None:
+        """The dimension whose `degree`-th power this is; None if there is none of whole exponents."""
+        exponents = (*self.fixed, *self[1:])
+        if any(exponent % degree for exponent in exponents):
+            return None
+        return OpenDimension(
+            Dimension(*(exponent // degree for exponent in self.fixed)),
+            *(each // degree for each in self[1:]),
+        )
+
+    def __str__(self) -> str:
+        if self == NO_DIMENSION:
+            return "a plain number"
+        above = [
+            _power(word, power) for word, power in zip(self._fields[1:], self[1:], strict=True) if power > 0
+        ]
+        below = [
+            _power(word, -power) for word, power in zip(self._fields[1:], self[1:], strict=True) if power < 0
+        ]
+        symbol = _symbol(self.fixed)
+        first = "*".join([*above, *([] if symbol.startswith("/") or symbol == "1" else [symbol])])
+        return "/".join([first or "1", *below]) + (symbol if symbol.startswith("/") else "")
+
+
+NO_DIMENSION = OpenDimension()
+_ANGLE = OpenDimension(Dimension(angle=1))
+
+
+def _power(word: str, power: int) -> str:
+    return word if power == 1 else f"{word}^{power}"
+
+
+def _symbol(dimension: Dimension) -> str:
+    """A named unit, with a power of the second if need be, rather than one of base units."""
+    for seconds, (symbol, named) in product((0, -1, 1), _NAMED):
+        if dimension == named.times(Dimension(time=1), seconds):
+            return symbol + {0: "", -1: "/s", 1: "*s"}[seconds]
+    return dimension.si_symbol
+
+
+def dimension_of(expression: Expression, names: Mapping[str, OpenDimension]) -> OpenDimension | None:
+    """The dimension of an expression; None if it is zero, which has any.
+
+    Args:
+        expression: The expression.
+        names: The dimension of every name.
+
+    Raises:
+        ExpressionError: It joins what does not fit together; its `offset` says where.
+    """
+    match expression:
+        case Number(value=value):
+            return NO_DIMENSION if value else None
+        case Name(name=name):
+            return names[name]
+        case Unary(operand=operand):
+            return dimension_of(operand, names)
+        case Binary():
+            return _of_binary(expression, names)
+        case Call(function=function, arguments=arguments):
+            found = [dimension_of(argument, names) for argument in arguments]
+            return _RULES.get(function, _of_plain)(expression, found)
+    return None
+
+
+def check_dimension(
+    expression: Expression, names: Mapping[str, OpenDimension], wanted: OpenDimension
+) -> None:
+    """Refuse an expression that is of another dimension than this.
+
+    Raises:
+        ExpressionError: It is, or joins what does not fit together.
+    """
+    found = dimension_of(expression, names)
+    if found not in {None, wanted}:
+        message = f"found '{expression}', which is {found}; allowed: {wanted}"
+        raise ExpressionError(message, expression.offset)
+
+
+def _of_binary(expression: Binary, names: Mapping[str, OpenDimension]) -> OpenDimension | None:
+    left, right = dimension_of(expression.left, names), dimension_of(expression.right, names)
+    match expression.operator:
+        case "*" | "/" as joint:
+            if left is None or (right is None and joint == "*"):
+                return None
+            return left.times(right or NO_DIMENSION, 1 if joint == "*" else -1)
+        case "**":
+            return _of_power(expression, left, right)
+    same = _alike(expression, [left, right])
+    return NO_DIMENSION if expression.operator in COMPARISONS else same
+
+
+def _of_power(
+    expression: Binary, base: OpenDimension | None, exponent: OpenDimension | None
+) -> OpenDimension | None:
+    _of_plain(expression, [exponent])
+    if base is None or base == NO_DIMENSION:
+        return base
+    value = constant(simplify(expression.right))
+    raised = None
+    if value is not None:
+        above, below = value.as_integer_ratio()
+        raised = NO_DIMENSION.times(base, above).root(below)
+    if raised is None:
+        allowed = "a number as exponent that gives whole powers of the unit"
+        message = f"found '{expression}', a power of {base}; allowed: {allowed}"
+        raise ExpressionError(message, expression.right.offset)
+    return raised
+
+
+def _alike(expression: Expression, found: list[OpenDimension | None]) -> OpenDimension | None:
+    known = [dimension for dimension in found if dimension is not None]
+    for other in known[1:]:
+        if other != known[0]:
+            message = (
+                f"found '{expression}', which joins {known[0]} and {other}; allowed: the same on all sides"
+            )
+            raise ExpressionError(message, expression.offset)
+    return known[0] if known else None
+
+
+def _of_plain(expression: Expression, found: list[OpenDimension | None]) -> OpenDimension:
+    for dimension in found:
+        if dimension not in {None, NO_DIMENSION}:
+            message = f"found '{expression}' with {dimension}; allowed: a plain number there"
+            raise ExpressionError(message, expression.offset)
+    return NO_DIMENSION
+
+
+def _of_angle(expression: Expression, found: list[OpenDimension | None]) -> OpenDimension:
+    return NO_DIMENSION if found == [_ANGLE] else _of_plain(expression, found)
+
+
+def _of_any(_: Expression, __: list[OpenDimension | None]) -> OpenDimension:
+    return NO_DIMENSION
+
+
+def _root(expression: Expression, found: list[OpenDimension | None]) -> OpenDimension | None:
+    (square,) = found
+    if square is None:
+        return None
+    if (root := square.root(2)) is None:
+        message = f"found '{expression}', the root of {square}; allowed: even powers of a unit there"
+        raise ExpressionError(message, expression.offset)
+    return root
+
+
+def _of_choice(expression: Expression, found: list[OpenDimension | None]) -> OpenDimension | None:
+    return _alike(expression, found[1:])
+
+
+_Rule = Callable[[Expression, list[OpenDimension | None]], OpenDimension | None]
+_RULES: Mapping[str, _Rule] = {
+    **dict.fromkeys(("abs", "clip", "max", "min"), _alike),
+    **dict.fromkeys(("cos", "sin"), _of_angle),
+    **dict.fromkeys(("heaviside", "sign"), _of_any),
+    "sqrt": _root,
+    "where": _of_choice,
+}

@@ -1,0 +1,196 @@
+"""One declaration under examination: its names and their dimensions, its equations, and all that is wrong."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from circuitkit.circuit.dimensions import NO_DIMENSION, OpenDimension, check_dimension, dimension_of
+from circuitkit.circuit.expression import FUNCTION_ARITY, Expression, Number, parse_expression
+from circuitkit.circuit.models.forms import ParameterForm, StateForm
+from circuitkit.circuit.models.model import Method, ModelParameter, ModelState, UnitRule
+from circuitkit.circuit.models.unit_rules import parse_unit_rule
+from circuitkit.circuit.symbolic import derivative
+from circuitkit.errors import ExpressionError, InputError, Problem, UnitError, listing, suggest
+from circuitkit.source import Document, Place
+from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_quantity
+
+_NAME = re.compile("[A-Za-z_][A-Za-z0-9_]*")
+_PER_SECOND = OpenDimension(Dimension(time=-1))
+
+
+@dataclass
+class Declaration:
+    """Collects what is wrong with a declaration while its parts are read.
+
+    Attributes:
+        document: Where it stands.
+        place: Its place in the document.
+        words: Words that mean something in its units.
+        taken: Names that mean something else, for parameters and states.
+        activation: Dimension of the activation, if the model fixes it.
+        weight: Dimension of the weight, in a synapse.
+        dimensions: Of every name that equations may use, as far as known.
+        problems: What is wrong.
+    """
+
+    document: Document
+    place: Place
+    words: tuple[str, ...]
+    taken: Collection[str]
+    activation: Dimension | None = None
+    weight: OpenDimension = NO_DIMENSION
+    dimensions: dict[str, OpenDimension] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+    def complain(
+        self, place: Place, message: str, hint: str = "", *, offset: int = 0, at_key: bool = False
+    ) -> None:
+        """Note what is wrong at a place inside the declaration, `offset` characters into a text."""
+        problem = self.document.problem((*self.place, *place), message, hint, at_key=at_key)
+        self.problems.append(replace(problem, column=problem.column + offset))
+
+    def finish(self) -> None:
+        """Refuse the declaration if anything is wrong with it.
+
+        Raises:
+            InputError: With every problem, in the order of the file.
+        """
+        if self.problems:
+            raise InputError(*sorted(self.problems, key=lambda problem: (problem.line, problem.column)))
+
+    def rule(self, place: Place, text: str) -> tuple[UnitRule, Unit | None]:
+        """The rule that a unit means; complains and goes on with a dimensionless one."""
+        try:
+            return parse_unit_rule(text, self.words)
+        except UnitError as error:
+            self.complain(place, str(error))
+            return UnitRule(text), DIMENSIONLESS
+
+    def dimension(self, rule: UnitRule) -> OpenDimension:
+        """The dimension that a rule means; that of the activation put in if the model fixes it."""
+        found = OpenDimension(rule.fixed, rule.activation, rule.source).times(self.weight, rule.weight)
+        if self.activation is None:
+            return found
+        return OpenDimension(found.fixed.times(self.activation, found.activation), 0, found.source)
+
+    def parameters(self, forms: Mapping[str, ParameterForm]) -> tuple[ModelParameter, ...]:
+        """The parameters; from here on equations may use them."""
+        found = []
+        for name, form in forms.items():
+            place: Place = ("parameters", name)
+            self._check_name(place, name, "parameter")
+            before = len(self.problems)
+            rule, unit = self.rule((*place, "unit"), form.unit)
+            if len(self.problems) == before:
+                self.dimensions[name] = self.dimension(rule)
+            default = None if form.default is None else self._default((*place, "default"), form.default, rule)
+            found.append(ModelParameter(name, rule, default, form.description, unit))
+        return tuple(found)
+
+    def states(
+        self, forms: Mapping[str, StateForm], parameters: Collection[str], also: Collection[str] = ()
+    ) -> tuple[ModelState, ...]:
+        """The states; from here on equations may use them. `also`: further names for initial values."""
+        found = []
+        for name, form in forms.items():
+            place: Place = ("states", name)
+            self._check_name(place, name, "state", parameters)
+            before = len(self.problems)
+            rule, unit = self.rule((*place, "unit"), form.unit)
+            initial = self.equation((*place, "initial"), form.initial, (*parameters, *also))
+            if len(self.problems) == before:
+                self.dimensions[name] = self.dimension(rule)
+                self.check((*place, "initial"), initial, self.dimensions[name])
+            found.append(ModelState(name, rule, initial, form.description, unit))
+        return tuple(found)
+
+    def equation(self, place: Place, text: str, names: Iterable[str]) -> Expression:
+        """The expression of these names; complains and goes on with zero."""
+        try:
+            return parse_expression(text, names)
+        except ExpressionError as error:
+            self.complain(place, str(error), offset=error.offset)
+            return Number(0.0)
+
+    def check(self, place: Place, expression: Expression, wanted: OpenDimension | None) -> None:
+        """Complain about an expression that joins what does not fit, or is not of the dimension wanted."""
+        if not expression.names() <= self.dimensions.keys():
+            return  # a unit is wrong, which has been said
+        try:
+            if wanted is None:
+                dimension_of(expression, self.dimensions)
+            else:
+                check_dimension(expression, self.dimensions, wanted)
+        except ExpressionError as error:
+            self.complain(place, str(error), offset=error.offset)
+
+    def equations(
+        self, place: Place, texts: Mapping[str, str], states: Collection[str], names: Iterable[str]
+    ) -> dict[str, Expression]:
+        """An expression for each of some states, of the state's dimension; by time for derivatives."""
+        allowed, found = tuple(names), {}
+        for state, text in texts.items():
+            if state not in states:
+                message = f"unknown state '{state}'; allowed: {listing(states)}"
+                self.complain((*place, state), message, suggest(state, states), at_key=True)
+                continue
+            found[state] = self.equation((*place, state), text, allowed)
+            if state in self.dimensions:
+                wanted = self.dimensions[state]
+                by_time = place == ("derivatives",)
+                self.check((*place, state), found[state], wanted.times(_PER_SECOND) if by_time else wanted)
+        return found
+
+    def order(self, increasing: Iterable[str], parameters: Collection[str]) -> None:
+        """Complain about names that should increase and are no parameters, or have another unit."""
+        first = None
+        for number, name in enumerate(increasing):
+            place: Place = ("increasing", number)
+            if name not in parameters:
+                message = f"unknown parameter '{name}'; allowed: {listing(parameters)}"
+                self.complain(place, message, suggest(name, parameters))
+                continue
+            first = first or name
+            dimensions = self.dimensions.get(first), self.dimensions.get(name)
+            if None not in dimensions and dimensions[0] != dimensions[1]:
+                message = f"found {first} in {dimensions[0]} and {name} in {dimensions[1]}"
+                self.complain(place, f"{message}; allowed: parameters of the same dimension")
+
+    def method(self, method: Method, derivatives: Mapping[str, Expression], inputs: Iterable[str]) -> None:
+        """Complain about the exact method where the derivatives are not linear in the states."""
+        varying = frozenset((*derivatives, *inputs))
+        if method == "exact":
+            for state, change in derivatives.items():
+                for other in derivatives:
+                    slope = derivative(change, other)
+                    if not slope.names().isdisjoint(varying):
+                        message = f"found exact, but d({change})/d{other} is {slope}, which varies"
+                        allowed = "allowed: exact for linear derivatives, else exponential_euler or rk4"
+                        self.complain(("derivatives", state), f"{message}; {allowed}")
+                        return
+
+    def _check_name(self, place: Place, name: str, kind: str, others: Collection[str] = ()) -> None:
+        if not _NAME.fullmatch(name):
+            message = f"found '{name}'; allowed: a name of letters, digits and _, not starting with a digit"
+        elif keyword.iskeyword(name) or name in FUNCTION_ARITY or name in self.taken:
+            message = f"found a {kind} '{name}', which means something else in models; allowed: other names"
+        elif name in others:
+            message = f"found a state '{name}', which is a parameter already; allowed: other names"
+        else:
+            return
+        self.complain(place, message, at_key=True)
+
+    def _default(self, place: Place, text: str, rule: UnitRule) -> float:
+        """The default, [SI]: zero, or of the rule's dimension; a plain number if a circuit decides it."""
+        try:
+            quantity = parse_quantity(text)
+        except UnitError as error:
+            self.complain(place, str(error))
+            return 0.0
+        wanted = self.dimension(rule)
+        if quantity.value_si and quantity.dimension != (Dimension() if any(wanted[1:]) else wanted.fixed):
+            self.complain(place, f"found {quantity}; allowed: a quantity in {rule}, or 0")
+        return quantity.value_si
