@@ -5,13 +5,16 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PEERS := .venv-peers
 UV_VERSION := 0.13.9
+COMPILE := out/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --fork-strategy fewest \
+	--upgrade --no-annotate --custom-compile-command "make lock" --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test bench docs lock clean
+.PHONY: help setup demo check test test-peers bench docs lock clean
 
 help:  ## this list
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 18
 
 setup: $(READY)  ## a virtual environment in .venv with the locked packages and this checkout
 	@echo "ready: $(BIN)/circuitkit --help"
@@ -42,6 +45,16 @@ check: $(READY)  ## style, types and the floors between the rooms
 test: $(READY)  ## all tests
 	$(BIN)/python -m pytest
 
+# The plugin of Nengo is made for an older pytest.
+test-peers: $(PEERS)/.ready  ## our trajectories against those of Nengo and Brian2, which it installs into .venv-peers
+	$(PEERS)/bin/python -m pytest tests/peers --peers -p no:nengo
+
+$(PEERS)/.ready: requirements-peers.lock pyproject.toml
+	$(PYTHON) -m venv --clear $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-peers.lock
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
 bench: $(READY)  ## the benchmarks, as ratios in one run
 	$(BIN)/circuitkit bench
 
@@ -51,10 +64,9 @@ docs: $(READY)  ## writes the pages and pictures under docs that are made from t
 lock:  ## pins anew every dependency of pyproject.toml, for all platforms
 	$(PYTHON) -m venv out/lock
 	out/lock/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
-	out/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --fork-strategy fewest \
-		--upgrade --no-annotate --custom-compile-command "make lock" --no-emit-index-url --no-emit-find-links \
-		--all-extras pyproject.toml --output-file requirements.lock
+	$(COMPILE) $(addprefix --extra ,data dev test video) pyproject.toml --output-file requirements.lock
+	$(COMPILE) $(addprefix --extra ,peers test) pyproject.toml --output-file requirements-peers.lock
 
 clean:  ## removes the virtual environment, caches and results
-	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(PEERS) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
