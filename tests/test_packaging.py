@@ -114,19 +114,28 @@ def test_wheel_alone_says_that_benchmarks_are_in_the_repository(run_installed):
     )
 
 
-def test_every_dependency_is_locked_with_hashes(project):
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-    entries = re.split(r"\n(?=[a-z0-9])", lock)[1:]
+# The other simulators are kept out of the lock that everybody installs.
+LOCKS = {"requirements.lock": {"data", "dev", "test", "video"}, "requirements-peers.lock": {"peers", "test"}}
+
+
+@pytest.mark.parametrize(("lock", "extras"), LOCKS.items())
+def test_every_dependency_is_locked_with_hashes(project, lock, extras):
+    entries = re.split(r"\n(?=[a-z0-9])", (ROOT / lock).read_text(encoding="utf-8"))[1:]
     assert all("--hash=sha256:" in entry for entry in entries)
     locked = {re.match(r"[a-z0-9-]+", entry).group() for entry in entries}
-    extras = project["optional-dependencies"].values()
-    wanted = [*project["dependencies"], *(name for names in extras for name in names)]
+    optional = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *(name for extra in extras for name in optional[extra])]
     assert {re.match(r"[\w-]+", name).group() for name in wanted} <= locked
 
 
-def test_lock_names_no_machine():
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-    assert not re.search(r"://|file:|--(extra-)?index-url|--find-links|/\w+/", lock)
+def test_every_extra_is_locked(project):
+    assert set(project["optional-dependencies"]) == set().union(*LOCKS.values())
+
+
+@pytest.mark.parametrize("lock", LOCKS)
+def test_lock_names_no_machine(lock):
+    text = (ROOT / lock).read_text(encoding="utf-8")
+    assert not re.search(r"://|file:|--(extra-)?index-url|--find-links|/\w+/", text)
 
 
 def _texts():

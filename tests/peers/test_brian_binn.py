@@ -26,7 +26,7 @@ o : 1
 """
 ACTIVATION = "A = inflow + from_now + from_last"
 OUTPUT = "o = 1 / (1 + exp(-slope * (A - low))) * (1 - window + window / (1 + exp(-slope * (high - A))))"
-# One after the other where the timing is `ordered`: which feet carry; beyond which edge; who silences; who acts.
+# One after the other if the timing is `ordered`: which feet carry, beyond which edge, who silences, who acts.
 LAYERS = [("lf", "bf", "rf"), ("q1", "q2", "q3", "q4"), ("h1", "h2"), ("p1", "p2")]
 
 

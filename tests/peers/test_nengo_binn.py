@@ -11,7 +11,7 @@ NOW, LAST = None, 0
 
 
 class Net:
-    """A circuit as a Nengo network: `arrivals` sum up the activations, `cells` put out what follows from them."""
+    """A circuit as a Nengo network: `arrivals` sum up the activations, `cells` put out what follows."""
 
     def __init__(self, nengo, graph, values):
         self.nengo, self.graph = nengo, graph
