@@ -65,10 +65,13 @@ def _power(word: str, power: int) -> str:
 
 
 def _symbol(dimension: Dimension) -> str:
-    """A named unit, with a power of the second if need be, rather than one of base units."""
-    for seconds, (symbol, named) in product((0, -1, 1), _NAMED):
-        if dimension == named.times(Dimension(time=1), seconds):
-            return symbol + {0: "", -1: "/s", 1: "*s"}[seconds]
+    """A named unit or its reciprocal, by or times the second if need be, rather than base units."""
+    for seconds, power, (symbol, named) in product((0, -1, 1), (1, -1), _NAMED):
+        if dimension == Dimension(time=seconds).times(named, power):
+            above, below = [], []
+            (above if power == 1 else below).append(symbol)
+            (above if seconds == 1 else below).extend(["s"] * abs(seconds))
+            return "/".join(["*".join(above), *below])
     return dimension.si_symbol
 
 
@@ -129,7 +132,7 @@ def _of_power(
 ) -> OpenDimension | None:
     _of_plain(expression, [exponent])
     if base is None or base == NO_DIMENSION:
-        return base
+        return NO_DIMENSION
     value = constant(simplify(expression.right))
     raised = None
     if value is not None:

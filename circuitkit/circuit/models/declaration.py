@@ -167,7 +167,7 @@ class Declaration:
                 for other in derivatives:
                     slope = derivative(change, other)
                     if not slope.names().isdisjoint(varying):
-                        message = f"found exact, but d({change})/d{other} is {slope}, which varies"
+                        message = f"found exact, but its slope by {other} is {slope}, which varies"
                         allowed = "allowed: exact for linear derivatives, else exponential_euler or rk4"
                         self.complain(("derivatives", state), f"{message}; {allowed}")
                         return

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from circuitkit.circuit.models.model import Method
 from circuitkit.source import FileModel
@@ -28,7 +28,13 @@ Equations: TypeAlias = dict[str, Text]
 _UNIT = "A unit such as mV or 1, or one with the words activation, source, weight, such as activation/s."
 
 
-class ParameterForm(FileModel):
+class _Form(FileModel):
+    """Builds its validator when it is first needed: those of the parts never are by themselves."""
+
+    model_config = ConfigDict(defer_build=True)
+
+
+class ParameterForm(_Form):
     """A parameter of a model."""
 
     unit: Text = Field(description=_UNIT)
@@ -36,7 +42,7 @@ class ParameterForm(FileModel):
     description: str = Field("", description="What this is, in words.")
 
 
-class StateForm(FileModel):
+class StateForm(_Form):
     """A state variable of a model."""
 
     unit: Text = Field(description=_UNIT)
@@ -44,14 +50,14 @@ class StateForm(FileModel):
     description: str = Field("", description="What this is, in words.")
 
 
-class SpikeForm(FileModel):
+class SpikeForm(_Form):
     """When a neuron spikes, and what then happens."""
 
     when: Text = Field(description="It spikes when this is above zero; from parameters and states.")
     reset: Equations = Field({}, description="New value of each state that changes.")
 
 
-class _ModelForm(FileModel):
+class _ModelForm(_Form):
     """What declarations of neurons and synapses have in common."""
 
     model: str = Field("", description="Name of the model; in a circuit file it is the key.")
