@@ -1,0 +1,169 @@
+"""`CompiledKernel`: memory for a batch, and the calls of the compiled program on it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from circuitkit.engine.backends.c.build import load_program, load_runtime
+from circuitkit.engine.backends.c.source import Source, print_program
+from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.program import Program
+from circuitkit.engine.state import FloatArray, State
+
+_LANES = 8
+_ALIGNMENT = 64
+_ALIKE = 64  # rows a multiple of so many numbers apart would share places in the processor's cache
+# Work of a step (terms and expressions, times the batch) from which more threads help, and from which other
+# threads of Python may run during a step.
+_WORK_FOR_THREADS = 200_000
+_WORK_TO_RELEASE = 50_000
+
+AnyArray = npt.NDArray[Any]
+
+
+class CompiledKernel:
+    """A program bound to memory of one batch size; see `circuitkit.engine.backends.Kernel`.
+
+    The table is (n_rows, stride): the batch is filled up to whole vectors with copies of its last member.
+    """
+
+    def __init__(self, program: Program, batch: int) -> None:
+        """Compile, or find what was compiled.
+
+        Args:
+            program: What is to be done.
+            batch: Number of copies B.
+
+        Raises:
+            BuildError: It cannot be compiled.
+        """
+        number = np.dtype(program.precision)
+        self.batch = batch
+        self._program = program
+        self._stride = _stride(batch)
+        self._table = _aligned((program.n_rows, self._stride), number)
+        self._members = self._table[:, :batch]
+        self._rings = [_aligned((m.depth, len(m.sources), self._stride), number) for m in program.memories]
+        self._seeds = np.zeros(self._stride, dtype=np.uint64)
+        self.inputs: FloatArray = self._members[1 : 1 + len(program.input_names)].T
+        self._readout = self._members[slice(*program.readout_rows)]
+        self.readout: FloatArray = self._readout.T
+        self.readout.flags.writeable = False
+        self._time = 0
+        source = print_program(program, batch)
+        self._kernel = self._make(source, number)
+        self._in_turn = source.unrolled and batch > _LANES
+        self.advance: Callable[[], bool] = self._kernel.advance
+
+    def _make(self, source: Source, number: np.dtype[Any]) -> Any:  # noqa: ANN401  # a type made by the runtime
+        shared, own = self._given(source.shared, number), self._given(source.own, number)
+        arrays = [self._given(array, number) for array in source.arrays]
+        tables = [_addresses(arrays), _addresses(self._rings)]
+        work = source.work * self.batch
+        return load_runtime().Kernel(
+            load_program(source.text),
+            self._table.ctypes.data,
+            self._stride,
+            self.batch,
+            shared.ctypes.data,
+            own.ctypes.data,
+            *(table.ctypes.data for table in tables),
+            self._seeds.ctypes.data,
+            _threads(work),
+            work > _WORK_TO_RELEASE,
+            (self._table, self._rings, self._seeds, shared, own, arrays, tables),
+        )
+
+    def _given(self, array: AnyArray, number: np.dtype[Any]) -> AnyArray:
+        """An array as C wants it: contiguous, in the program's precision, rows filled up to the stride."""
+        if array.dtype.kind != "f":
+            return np.ascontiguousarray(array)
+        if array.ndim > 1 and self.batch > 1:
+            array = np.pad(array, ((0, 0), (0, self._stride - self.batch)), mode="edge")
+        return np.ascontiguousarray(array, dtype=number)
+
+    def load(self, state: State) -> None:
+        """Take over a state."""
+        program, members = self._program, self._members
+        members[program.activation_rows] = state.activation.T
+        members[program.output_rows] = state.output.T
+        members[program.state_rows] = state.states.T
+        self._readout[...] = state.readout.T
+        for ring, history in zip(self._rings, state.histories, strict=True):
+            ring[::-1, :, : self.batch] = history.transpose(1, 2, 0)
+            ring[:, :, self.batch :] = ring[:, :, self.batch - 1, np.newaxis]
+        self._table[:, self.batch :] = self._table[:, self.batch - 1, np.newaxis]
+        self._seeds[: self.batch] = state.seed
+        self._time = state.time
+        self._kernel.begin(state.time, 0)
+
+    def store(self, state: State) -> None:
+        """Write the state into the arrays of another one."""
+        program, members = self._program, self._members
+        state.activation[...] = members.take(program.activation_rows, 0).T
+        state.output[...] = members.take(program.output_rows, 0).T
+        state.states[...] = members.take(program.state_rows, 0).T
+        state.readout[...] = self.readout
+        done = self._kernel.done()
+        for memory, ring, history in zip(program.memories, self._rings, state.histories, strict=True):
+            runs = done * (program.substeps if memory in program.substep else 1)
+            newest_first = (runs - 1 - np.arange(memory.depth)) % memory.depth
+            history[...] = ring[newest_first, :, : self.batch].transpose(2, 0, 1)
+        state.time = self._time + done
+
+    def store_output(self, output: FloatArray) -> None:
+        """Write the neurons' outputs into an array of shape (B, n_neurons)."""
+        output[...] = self._members.take(self._program.output_rows, 0).T
+
+    def run(self, inputs: FloatArray, rows: IndexArray, record: FloatArray) -> int:
+        """Do T control steps and record rows of the table."""
+        arrays, done = (self._table, *self._rings), self._kernel.done()
+        copies = [array.copy() for array in arrays] if self._in_turn else []
+        good = self._run(inputs, rows, record, len(inputs))
+        if good < len(inputs) and copies:  # some members went further, some not so far
+            self._kernel.begin(self._time, done)
+            for array, copy in zip(arrays, copies, strict=True):
+                array[...] = copy
+            self._run(inputs, rows, record, good + 1)
+        return good
+
+    def _run(self, inputs: FloatArray, rows: IndexArray, record: FloatArray, steps: int) -> int:
+        addresses = inputs.ctypes.data, rows.ctypes.data, len(rows), record.ctypes.data
+        good: int = self._kernel.run(steps, *addresses)
+        return good
+
+
+def _stride(batch: int) -> int:
+    if batch == 1:
+        return 1
+    stride = -(-batch // _LANES) * _LANES
+    return stride + _LANES if stride % _ALIKE == 0 else stride
+
+
+def _aligned(shape: Sequence[int], number: np.dtype[Any]) -> AnyArray:
+    """Zeros that begin at a line of the cache."""
+    size = int(np.prod(shape)) * number.itemsize
+    memory = np.zeros(size + _ALIGNMENT, dtype=np.uint8)
+    start = -memory.ctypes.data % _ALIGNMENT
+    return memory[start : start + size].view(number).reshape(shape)
+
+
+def _addresses(arrays: Sequence[AnyArray]) -> npt.NDArray[np.uint64]:
+    return np.array([*(array.ctypes.data for array in arrays), 0], dtype=np.uint64)
+
+
+def _threads(work: int) -> int:
+    """How many threads share the work: as `CIRCUITKIT_THREADS` says, else one for little work."""
+    if chosen := os.environ.get("CIRCUITKIT_THREADS", ""):
+        return max(1, int(chosen)) if chosen.isdecimal() else 1
+    if work < _WORK_FOR_THREADS:
+        return 1
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on macOS
+        return os.cpu_count() or 1

@@ -1,0 +1,295 @@
+/* The functions of expressions for N numbers side by side; included by `arithmetic.h` once for every N.
+
+   A loop over lanes becomes one instruction where the machine has it: compilers find these without intrinsics. */
+
+#define CK(name) CK_JOIN(name##_, N)
+#define LANES for (int lane = 0; lane < N; lane++)
+
+#if N == 1
+typedef real v_1;
+typedef whole w_1;
+#define AT(x) (x)
+#else
+typedef real CK(v) __attribute__((vector_size(N * sizeof(real))));
+typedef whole CK(w) __attribute__((vector_size(N * sizeof(real))));
+typedef real CK(u) __attribute__((vector_size(N * sizeof(real)), aligned(sizeof(real)), may_alias)); /* in memory */
+#define AT(x) (x)[lane]
+#endif
+
+CK_INLINE CK(v) CK(all)(real x)
+{
+    CK(v) y;
+    LANES AT(y) = x;
+    return y;
+}
+
+CK_INLINE CK(w) CK(bits)(CK(v) x)
+{
+    CK(w) y;
+    memcpy(&y, &x, sizeof y);
+    return y;
+}
+
+CK_INLINE CK(v) CK(number)(CK(w) x)
+{
+    CK(v) y;
+    memcpy(&y, &x, sizeof y);
+    return y;
+}
+
+CK_INLINE CK(v) CK(load)(const real *from)
+{
+#if N == 1
+    return *from;
+#else
+    return *(const CK(u) *)from;
+#endif
+}
+
+CK_INLINE void CK(store)(real *to, CK(v) x)
+{
+#if N == 1
+    *to = x;
+#else
+    *(CK(u) *)to = x;
+#endif
+}
+
+/* The sum of the lanes: not finite if one of them is not. */
+CK_INLINE real CK(total)(CK(v) x)
+{
+    real sum = 0;
+    LANES sum += AT(x);
+    return sum;
+}
+
+CK_INLINE CK(v) CK(pick)(const real *from, const int32_t *places)
+{
+    CK(v) y;
+    LANES AT(y) = from[places[lane]];
+    return y;
+}
+
+CK_INLINE CK(v) CK(fma)(CK(v) a, CK(v) b, CK(v) c)
+{
+#if CK_HAS_FMA
+    CK(v) y;
+    LANES AT(y) = CK_FMA_BUILTIN(AT(a), AT(b), AT(c));
+    return y;
+#else
+    return a * b + c;
+#endif
+}
+
+/* The second operand where one is not a number. */
+CK_INLINE CK(v) CK(lower)(CK(v) a, CK(v) b)
+{
+    CK(v) y;
+    LANES AT(y) = AT(a) < AT(b) ? AT(a) : AT(b);
+    return y;
+}
+
+CK_INLINE CK(v) CK(higher)(CK(v) a, CK(v) b)
+{
+    CK(v) y;
+    LANES AT(y) = AT(a) > AT(b) ? AT(a) : AT(b);
+    return y;
+}
+
+#define COMPARISON(name, sign) \
+    CK_INLINE CK(v) CK(name)(CK(v) a, CK(v) b) \
+    { \
+        CK(v) y; \
+        LANES AT(y) = AT(a) sign AT(b) ? (real)1 : (real)0; \
+        return y; \
+    }
+COMPARISON(less, <)
+COMPARISON(less_equal, <=)
+COMPARISON(greater, >)
+COMPARISON(greater_equal, >=)
+#undef COMPARISON
+
+CK_INLINE CK(v) CK(where)(CK(v) condition, CK(v) then, CK(v) otherwise)
+{
+    CK(v) y;
+    LANES AT(y) = AT(condition) == 0 ? AT(otherwise) : AT(then);
+    return y;
+}
+
+/* `x` where it is not a number, else `y`. */
+CK_INLINE CK(v) CK(unless_nan)(CK(v) x, CK(v) y)
+{
+    LANES AT(y) = AT(x) == AT(x) ? AT(y) : AT(x);
+    return y;
+}
+
+CK_INLINE CK(v) CK(min)(CK(v) a, CK(v) b)
+{
+    return CK(unless_nan)(a, CK(lower)(a, b));
+}
+
+CK_INLINE CK(v) CK(max)(CK(v) a, CK(v) b)
+{
+    return CK(unless_nan)(a, CK(higher)(a, b));
+}
+
+CK_INLINE CK(v) CK(clip)(CK(v) x, CK(v) low, CK(v) high)
+{
+    return CK(min)(CK(max)(x, low), high);
+}
+
+CK_INLINE CK(v) CK(abs)(CK(v) x)
+{
+    return CK(number)(CK(bits)(x) & ~CK_SIGN_BIT);
+}
+
+CK_INLINE CK(v) CK(heaviside)(CK(v) x)
+{
+    return CK(unless_nan)(x, CK(greater_equal)(x, CK(all)(0)));
+}
+
+CK_INLINE CK(v) CK(sign)(CK(v) x)
+{
+    CK(v) zero = CK(all)(0);
+    return CK(unless_nan)(x, CK(greater)(x, zero) - CK(less)(x, zero));
+}
+
+#define EACH(name, function) \
+    CK_INLINE CK(v) CK(name)(CK(v) x) \
+    { \
+        CK(v) y; \
+        LANES AT(y) = function(AT(x)); \
+        return y; \
+    }
+EACH(sqrt, CK_SQRT_BUILTIN)
+EACH(floor, CK_FLOOR_BUILTIN)
+EACH(log, CK_LIBM(log))
+EACH(log1p, CK_LIBM(log1p))
+EACH(sin, CK_LIBM(sin))
+EACH(cos, CK_LIBM(cos))
+#undef EACH
+
+CK_INLINE CK(v) CK(pow)(CK(v) x, CK(v) exponent)
+{
+    CK(v) y;
+    LANES AT(y) = CK_LIBM(pow)(AT(x), AT(exponent));
+    return y;
+}
+
+/* Whole powers, by the fewest products. */
+#define POWER(n, y) \
+    CK_INLINE CK(v) CK(power##n)(CK(v) x) \
+    { \
+        return y; \
+    }
+POWER(1, x)
+POWER(2, x * x)
+POWER(3, x * x * x)
+POWER(4, CK(power2)(x * x))
+POWER(5, CK(power4)(x) * x)
+POWER(6, CK(power3)(x * x))
+POWER(7, CK(power6)(x) * x)
+POWER(8, CK(power4)(x * x))
+#undef POWER
+
+/* x = k ln(2) + r with a whole k, as a number and in the last bits of another one. */
+CK_INLINE CK(v) CK(reduce)(CK(v) x, CK(v) *k, CK(w) *k_bits)
+{
+    CK(v) shifted = CK(fma)(x, CK(all)(CK_LOG2_E), CK(all)(CK_ROUND));
+    CK(v) r;
+    *k = shifted - CK(all)(CK_ROUND);
+    *k_bits = CK(bits)(shifted);
+    r = CK(fma)(-*k, CK(all)(CK_LN2_HIGH), x);
+    return CK(fma)(-*k, CK(all)(CK_LN2_LOW), r);
+}
+
+/* (exp(r) - 1 - r) / r^2; the terms in pairs, since they need not wait for each other. */
+CK_INLINE CK(v) CK(polynomial)(CK(v) r, CK(v) r2)
+{
+#define C(x) CK(all)((real)(x))
+    CK(v) r4 = r2 * r2;
+#ifdef CK_SINGLE
+    CK(v) a = CK(fma)(C(0.16666576), r, C(0.5));
+    CK(v) b = CK(fma)(C(0.008363179), r, C(0.041666556));
+    return CK(fma)(r4, C(0.0013926184), CK(fma)(b, r2, a));
+#else
+    CK(v) a = CK(fma)(C(0.16666666666666669), r, C(0.5000000000000001));
+    CK(v) b = CK(fma)(C(0.008333333333330062), r, C(0.04166666666662413));
+    CK(v) c = CK(fma)(C(0.00019841269863053618), r, C(0.0013888888917213717));
+    CK(v) d = CK(fma)(C(2.7557268459997064e-06), r, C(2.4801521295954376e-05));
+    CK(v) e = CK(fma)(C(2.510038549551032e-08), r, C(2.7620088445409746e-07));
+    CK(v) ab = CK(fma)(b, r2, a);
+    CK(v) cd = CK(fma)(d, r2, c);
+    return CK(fma)(r4, CK(fma)(r4, e, cd), ab);
+#endif
+#undef C
+}
+
+/* 2^k for |k| below the largest exponent; k in the last bits of a number. */
+CK_INLINE CK(v) CK(power_of_two)(CK(w) k_bits)
+{
+    return CK(number)((k_bits << CK_MANTISSA) + CK(bits)(CK(all)(1)));
+}
+
+/* k as a sum of two that each fit into an exponent, whatever exp(x) does. */
+CK_INLINE void CK(halve)(CK(v) k, CK(w) k_bits, CK(w) *first, CK(w) *second)
+{
+    CK(v) shifted = CK(fma)(k, CK(all)((real)0.5), CK(all)(CK_ROUND));
+    *first = CK(bits)(shifted);
+    *second = k_bits - *first;
+}
+
+CK_INLINE CK(v) CK(exp)(CK(v) x)
+{
+    CK(v) k, r, r2, p;
+    CK(w) k_bits, first, second;
+    x = CK(higher)(CK(all)(-CK_EXP_END), CK(lower)(CK(all)(CK_EXP_END), x));
+    r = CK(reduce)(x, &k, &k_bits);
+    r2 = r * r;
+    p = CK(all)(1) + CK(fma)(CK(polynomial)(r, r2), r2, r);
+    CK(halve)(k, k_bits, &first, &second);
+    return p * CK(power_of_two)(first) * CK(power_of_two)(second);
+}
+
+CK_INLINE CK(v) CK(expm1)(CK(v) x)
+{
+    CK(v) k, r, r2, p, scale;
+    CK(w) k_bits, first, second;
+    x = CK(higher)(CK(all)(-CK_EXP_END), CK(lower)(CK(all)(CK_EXP_END), x));
+    r = CK(reduce)(x, &k, &k_bits);
+    r2 = r * r;
+    p = CK(fma)(CK(polynomial)(r, r2), r2, r);
+    CK(halve)(k, k_bits, &first, &second);
+    scale = CK(power_of_two)(first);
+    return CK(fma)(scale, p, scale - CK(power_of_two)(-second)) * CK(power_of_two)(second);
+}
+
+/* (exp(x) - 1) / x, 1 at 0. */
+CK_INLINE CK(v) CK(exprel)(CK(v) x)
+{
+    return CK(where)(x, CK(expm1)(x) / CK(where)(x, x, CK(all)(1)), CK(all)(1));
+}
+
+/* 1 / (1 + exp(-x)). Beyond +-708 it stays what it is there: so it needs no second scale, and is never 0. */
+CK_INLINE CK(v) CK(sigmoid)(CK(v) x)
+{
+    CK(v) k, r, r2, p;
+    CK(w) k_bits;
+    x = CK(higher)(CK(all)(-CK_SAFE_END), CK(lower)(CK(all)(CK_SAFE_END), x));
+    r = CK(reduce)(-x, &k, &k_bits);
+    r2 = r * r;
+    p = CK(all)(1) + CK(fma)(CK(polynomial)(r, r2), r2, r);
+    return CK(all)(1) / (CK(all)(1) + p * CK(power_of_two)(k_bits));
+}
+
+/* With e = exp(-2 |x|) - 1: tanh |x| = -e / (e + 2). */
+CK_INLINE CK(v) CK(tanh)(CK(v) x)
+{
+    CK(v) e = CK(expm1)(CK(all)(-2) * CK(abs)(x));
+    CK(w) sign = CK(bits)(x) & CK_SIGN_BIT;
+    return CK(number)(CK(bits)(-e / (e + CK(all)(2))) | sign);
+}
+
+#undef LANES
+#undef AT
+#undef CK

@@ -1,0 +1,192 @@
+"""A large program as C: a loop over rows for every operation; constants and indices are passed as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from circuitkit.circuit.expression import Expression
+from circuitkit.engine.backends.c.expression import print_expression
+from circuitkit.engine.backends.c.rows import lasting_rows, print_memories, ranges
+from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
+from circuitkit.engine.program import Program
+
+_LANES = 8
+_PARTS = "worker, workers"
+
+
+class Arrays:
+    """The arrays that a program of loops is given, each once."""
+
+    def __init__(self) -> None:
+        self.arrays: list[npt.NDArray[np.generic]] = []
+        self._known: dict[int, int] = {}
+
+    def number(self, array: npt.NDArray[np.generic]) -> int:
+        """The number by which C finds an array."""
+        if id(array) not in self._known:
+            self._known[id(array)] = len(self.arrays)
+            self.arrays.append(array)
+        return self._known[id(array)]
+
+
+def print_loops(program: Program, arrays: Arrays, *, alone: bool) -> str:
+    """C source that stands between `loops.h` and `steps.h`.
+
+    Args:
+        program: What is to be done.
+        arrays: Takes the constants and indices.
+        alone: For a batch of one.
+    """
+    return _Printer(program, arrays, alone=alone).source()
+
+
+class _Printer:
+    def __init__(self, program: Program, arrays: Arrays, *, alone: bool) -> None:
+        self._program = program
+        self._arrays = arrays
+        self._alone = alone
+        self._functions: list[str] = []
+        self._print: dict[type, Callable[..., str]] = {
+            Sum: self._sum,
+            Map: self._map,
+            Noise: self._noise,
+            Recall: self._recall,
+            Remember: self._remember,
+        }
+
+    def source(self) -> str:
+        program = self._program
+        step = [*self._step()]
+        kept = ", ".join(f"{{{start}, {stop}}}" for start, stop in ranges(lasting_rows(program)))
+        head = [
+            f"#define N_INPUTS {len(program.input_names)}",
+            f"#define N_KEPT {kept.count('{')}",
+            f"#define N_MEMORIES {len(program.memories)}",
+            f"static const int64_t kept[][2] = {{{kept}}};",
+            *print_memories(program),
+        ]
+        return "\n".join([*head, *self._functions, *step])
+
+    def _step(self) -> Iterator[str]:
+        program = self._program
+        yield "static void step(ck_context *c, int64_t *places, const int64_t time,"
+        yield "    int64_t worker, int64_t workers)"
+        yield "{"
+        yield "real *const table = c->table;"
+        yield f"const int64_t stride = {'1' if self._alone else 'c->stride'};"
+        yield "(void)table, (void)places, (void)time, (void)stride;"
+        yield from self._do(program.before, "time")
+        if program.substep:
+            yield f"for (int64_t sub = 0; sub < {program.substeps}; sub++) {{"
+            yield from self._do(program.substep, f"(time * {program.substeps} + sub)")
+            yield "}"
+        yield from self._do(program.after, "time")
+        yield "}"
+
+    def _do(self, operations: Iterable[Operation], time: str) -> Iterator[str]:
+        self._time = time
+        for operation in operations:
+            yield self._print[type(operation)](operation)
+            yield "wait_for_all(c, workers);"
+            if isinstance(operation, Remember):
+                name = operation.memory
+                yield f"places[{name}] = ck_ago(places[{name}], -1, {operation.depth});"
+
+    def _array(self, array: npt.NDArray[np.generic]) -> str:
+        return f"c->arrays[{self._arrays.number(array)}]"
+
+    def _sum(self, operation: Sum) -> str:
+        n = operation.stop - operation.start
+        rows = f"table + {operation.start}L * stride, table + {operation.base}L * stride, {n}"
+        indices = f"{self._array(operation.indptr)}, {self._array(operation.sources)}"
+        weights = f"{self._array(operation.weights)}, {operation.weights.ndim}, {int(operation.add)}"
+        if not self._alone:
+            return f"sum_batch({rows}, {indices}, {weights}, stride, {_PARTS});"
+        return f"sum_alone({rows}, {indices}, {weights}, {_degree(operation.indptr)}, {_PARTS});"
+
+    def _noise(self, operation: Noise) -> str:
+        scale = f"{self._array(operation.scale)}, {operation.scale.ndim}"
+        drawn = f"{self._array(operation.streams)}, c->seeds, {self._time}"
+        n = operation.stop - operation.start
+        return f"add_noise(table + {operation.start}L * stride, {n}, {scale}, {drawn}, stride, {_PARTS});"
+
+    def _recall(self, operation: Recall) -> str:
+        memory = self._program.memories[operation.memory]
+        target = f"table + {operation.start}L * stride, c->rings[{operation.memory}]"
+        n = operation.stop - operation.start
+        places = f"{n}, {self._array(operation.slots)}, {self._array(operation.steps)}"
+        ring = f"{len(memory.sources)}, places[{operation.memory}], {memory.depth}"
+        return f"recall({target}, {places}, {ring}, stride, {_PARTS});"
+
+    def _remember(self, operation: Remember) -> str:
+        sources = f"{len(operation.sources)}, {self._array(operation.sources)}"
+        ring = f"c->rings[{operation.memory}]"
+        return f"remember(table, {ring}, {sources}, places[{operation.memory}], stride, {_PARTS});"
+
+    def _map(self, operation: Map) -> str:
+        name = f"map{len(self._functions)}"
+        body = self._map_alone(operation) if self._alone else self._map_batch(operation)
+        head = f"static void {name}(const ck_context *c, int64_t worker, int64_t workers)"
+        bound = [
+            f"int64_t i = part({operation.count}, worker, workers);",
+            f"const int64_t end = part({operation.count}, worker + 1, workers);",
+            "real *const table = c->table;",
+            *(
+                f"const real *const constant{k} = {self._array(values)};"
+                for k, values in enumerate(operation.constants.values())
+            ),
+            *(
+                f"const int32_t *const pick{k} = {self._array(rows)};"
+                for k, rows in enumerate(operation.picks.values())
+            ),
+        ]
+        self._functions.append("\n".join([head, "{", *bound, *body, "}"]))
+        return f"{name}(c, {_PARTS});"
+
+    def _map_alone(self, operation: Map) -> Iterator[str]:
+        for width in (_LANES, 1):
+            names = {name: f"load_{width}(table + {row} + i)" for name, row in operation.rows.items()}
+            names |= {name: f"pick_{width}(table, pick{k} + i)" for k, name in enumerate(operation.picks)}
+            for k, (name, values) in enumerate(operation.constants.items()):
+                names[name] = (
+                    f"load_{width}(constant{k} + i)" if values.ndim else f"all_{width}(*constant{k})"
+                )
+            yield f"for (; i + {width} <= end; i += {width}) {{"
+            yield from _evaluated(operation.results, names, width, "i")
+            yield "}"
+
+    def _map_batch(self, operation: Map) -> Iterator[str]:
+        at = "* stride + at"
+        names = {name: f"load_8(table + ({row} + i) {at})" for name, row in operation.rows.items()}
+        names |= {name: f"load_8(table + pick{k}[i] {at})" for k, name in enumerate(operation.picks)}
+        for k, (name, values) in enumerate(operation.constants.items()):
+            place = f"constant{k}"
+            names[name] = (f"all_8(*{place})", f"all_8({place}[i])", f"load_8({place} + i {at})")[values.ndim]
+        yield "const int64_t stride = c->stride;"
+        yield "for (; i < end; i++) for (int64_t at = 0; at < stride; at += 8) {"
+        yield from _evaluated(operation.results, names, _LANES, f"i {at}")
+        yield "}"
+
+
+def _evaluated(
+    results: Iterable[tuple[int, Expression]], names: Mapping[str, str], width: int, place: str
+) -> Iterator[str]:
+    """Names, then all results, then where they go: nothing is written before all is read."""
+    numbered = list(enumerate(results))
+    variables = {name: f"x{k}" for k, name in enumerate(names)}
+    for name, value in names.items():
+        yield f"const v_{width} {variables[name]} = {value};"
+    for k, (_, expression) in numbered:
+        yield f"const v_{width} y{k} = {print_expression(expression, variables, width)};"
+    for k, (row, _) in numbered:
+        target = f"{row} + i" if place == "i" else f"({row} + i) * stride + at"
+        yield f"store_{width}(table + {target}, y{k});"
+
+
+def _degree(indptr: npt.NDArray[np.int64]) -> int:
+    """The number of terms that all sums have, or -1: a loop of known length is unrolled."""
+    lengths = np.diff(indptr)
+    return int(lengths[0]) if len(lengths) and (lengths == lengths[0]).all() else -1

@@ -1,0 +1,73 @@
+"""Which rows of the table a program reads, writes and keeps; C that says where its rings stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
+from circuitkit.engine.program import Program
+
+
+def lasting_rows(program: Program) -> list[int]:
+    """Inputs and all rows that survive a control step, ascending."""
+    inputs = np.arange(1, 1 + len(program.input_names))
+    parts = (inputs, program.activation_rows, program.output_rows, program.state_rows)
+    rows: list[int] = np.unique(np.concatenate([*parts, np.arange(*program.readout_rows)])).tolist()
+    return rows
+
+
+def print_memories(program: Program) -> Iterator[str]:
+    """The C function that says where every ring stands after a number of control steps."""
+    yield "static void begin_memories(int64_t *places, int64_t done)"
+    yield "{"
+    yield "(void)places, (void)done;"
+    for memory in program.memories:
+        runs = program.substeps if memory in program.substep else 1
+        yield f"places[{memory.memory}] = done * {runs} % {memory.depth};"
+    yield "}"
+
+
+def ranges(rows: list[int]) -> Iterator[tuple[int, int]]:
+    """Neighbouring rows as pairs of the first one and the one after the last."""
+    array = np.asarray(rows)
+    breaks = np.flatnonzero(np.diff(array) != 1) + 1
+    for neighbours in np.split(array, breaks):
+        yield int(neighbours[0]), int(neighbours[-1]) + 1
+
+
+def first_read(operations: Iterable[Operation]) -> set[int]:
+    """Rows that are read before they are written."""
+    read: set[int] = set()
+    before: set[int] = set()
+    for operation in operations:
+        read |= _reads(operation) - before
+        before |= written([operation])
+    return read
+
+
+def _reads(operation: Operation) -> set[int]:
+    match operation:
+        case Sum(start=start, stop=stop, sources=sources, base=base, add=add):
+            return set((sources + base).tolist()) | (set(range(start, stop)) if add else set())
+        case Map(count=count, rows=rows, picks=picks):
+            neighbours = {row + i for row in rows.values() for i in range(count)}
+            return neighbours.union(*(pick.tolist() for pick in picks.values()))
+        case Noise(start=start, stop=stop):
+            return set(range(start, stop))
+        case Remember(sources=sources):
+            return set(sources.tolist())
+    return set()
+
+
+def written(operations: Iterable[Operation]) -> set[int]:
+    """Rows that are written."""
+    rows: set[int] = set()
+    for operation in operations:
+        match operation:
+            case Map(count=count, results=results):
+                rows.update(start + i for start, _ in results for i in range(count))
+            case Sum(start=start, stop=stop) | Noise(start=start, stop=stop) | Recall(start=start, stop=stop):
+                rows.update(range(start, stop))
+    return rows
