@@ -68,7 +68,8 @@ def _symbol(dimension: Dimension) -> str:
     """A named unit or its reciprocal, by or times the second if need be, rather than base units."""
     for seconds, power, (symbol, named) in product((0, -1, 1), (1, -1), _NAMED):
         if dimension == Dimension(time=seconds).times(named, power):
-            above, below = [], []
+            above: list[str] = []
+            below: list[str] = []
             (above if power == 1 else below).append(symbol)
             (above if seconds == 1 else below).extend(["s"] * abs(seconds))
             return "/".join(["*".join(above), *below])
