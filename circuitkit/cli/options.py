@@ -1,0 +1,100 @@
+"""Arguments and options that several commands have, in the same words, and how they are read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
+
+if TYPE_CHECKING:
+    from circuitkit.circuit import CircuitGraph
+
+CircuitFile: TypeAlias = Annotated[
+    str, typer.Argument(metavar="FILE", help="A circuit file, or the name of a shipped circuit.")
+]
+Scenario: TypeAlias = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")
+]
+Settings: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Change a value of the circuit, such as w=2deg or q1.slope=50; once for each value.",
+    ),
+]
+Push: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--push", metavar="FORCE,DURATION,DIRECTION", help="Push so instead, such as 20N,200ms,inward."
+    ),
+]
+Seed: TypeAlias = Annotated[
+    int | None,
+    typer.Option("--seed", metavar="N", min=0, help="Of the noise and of the push's jitter."),
+]
+Folder: TypeAlias = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="DIR", help="Folder for the recordings and the plots."),
+]
+Video: TypeAlias = Annotated[bool, typer.Option("--video", help="Also film the robot; needs -o.")]
+Verdicts: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")]
+
+
+def named_values(texts: list[str] | None, option: str, example: str) -> dict[str, str]:
+    """The values of an option that is given once for each name.
+
+    Args:
+        texts: As given, each NAME=VALUE.
+        option: Name of the option, for messages.
+        example: What is right, for messages.
+
+    Raises:
+        typer.BadParameter: A text is of another form, or a name is given twice.
+    """
+    named: dict[str, str] = {}
+    for text in texts or []:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (equals and name and value):
+            message = f"found '{text}'; allowed: NAME=VALUE, such as {example}"
+            raise typer.BadParameter(message, param_hint=option)
+        if name in named:
+            message = f"'{name}' is given twice"
+            raise typer.BadParameter(message, param_hint=option)
+        named[name] = value
+    return named
+
+
+def require_folder(folder: Path | None, *, video: bool) -> None:
+    """Refuse a video that has nowhere to go.
+
+    Raises:
+        typer.BadParameter: There is no folder.
+    """
+    if video and folder is None:
+        message = "--video needs a folder to write to: -o DIR"
+        raise typer.BadParameter(message)
+
+
+def read_graph(file: str, settings: list[str] | None) -> CircuitGraph:
+    """The circuit of a file, with the values of `--set`.
+
+    Raises:
+        typer.BadParameter: `--set` is not of the form NAME=VALUE.
+        InputError: The file is wrong, or what `--set` makes of it; the message then names the option.
+    """
+    from dataclasses import replace
+
+    from circuitkit.circuit import load_circuit, resolve
+    from circuitkit.errors import InputError
+
+    values = named_values(settings, "--set", "w=2deg")
+    spec = load_circuit(file)
+    if not values:
+        return resolve(spec)
+    try:
+        return resolve(spec, values)
+    except InputError as error:  # the file itself is sound, or it would not have been loaded
+        problems = (replace(each, message=f"{each.message} (with --set)") for each in error.problems)
+        raise InputError(*problems) from error
