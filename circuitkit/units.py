@@ -181,6 +181,11 @@ _NUMBER = re.compile(
 _MAX_LENGTH = 80
 
 
+def plain_signs(text: str) -> str:
+    """The text with the signs of this language for the typographic ones that copied text carries."""
+    return text.translate(_TYPOGRAPHY)
+
+
 @lru_cache(maxsize=1024)
 def parse_unit(text: str) -> Unit:
     """Read a unit: symbols with powers, joined by `*` and `/`, such as `deg/s`, `kg*m^2`, `/m`, `1`.

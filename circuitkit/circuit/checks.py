@@ -6,36 +6,61 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from circuitkit.errors import Problem
+from circuitkit.units import format_quantity, parse_unit
 
 if TYPE_CHECKING:
     from circuitkit.circuit.graph import CircuitGraph
     from circuitkit.circuit.scope import Scope
 
+_FAR_FROM_WHOLE = 0.01
+_MILLISECOND = parse_unit("ms")
+
 
 def doubts(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
-    """Parameters, inputs and neurons without any effect on an output."""
+    """Parameters, inputs, neurons and instances without any effect on an output; delays between steps.
+
+    Of an instance's own declarations nothing is said: another circuit may use them.
+    """
     for name, parameter in scope.parameters.items():
         if name not in scope.used_parameters:
             yield parameter.problem((), "unused parameter; nothing uses its name", at_key=True)
     effective = _effective(graph)
-    for name, signal in scope.inputs.items():
-        if name not in effective:
-            yield signal.problem((), "unused input; no path leads from it to an output", at_key=True)
-    for name, neuron in scope.neurons.items():
-        if name not in effective:
-            yield neuron.problem((), "unused neuron; no path leads from it to an output", at_key=True)
+    for kind in ("input", "neuron", "population"):
+        for name, (own_kind, node) in scope.nodes.items():
+            if own_kind == kind and name not in effective:
+                yield node.problem((), f"unused {kind}; no path leads from it to an output", at_key=True)
+    for instance in scope.instances.values():
+        if instance.entry and not any(name.startswith(instance.prefix) for name in effective):
+            message = "unused instance; no path leads from it to an output"
+            yield instance.entry.problem((), message)
 
 
 def _effective(graph: CircuitGraph) -> frozenset[str]:
-    """Names of the inputs and neurons from which a path leads to an output."""
+    """Names of the inputs, neurons and populations from which a path leads to an output."""
     sources: dict[str, list[str]] = {}
-    for synapse in graph.synapses:
-        sources.setdefault(synapse.target, []).append(synapse.source)
+    for synapse in (*graph.synapses, *graph.projections):
+        target = sources.setdefault(_whole(synapse.target), [])
+        target.append(_whole(synapse.source))
+        if synapse.gate:
+            target.append(_whole(synapse.gate))
     reached: set[str] = set()
-    waiting = [neuron for output in graph.outputs for neuron, _ in output.readout]
+    waiting = [_whole(name) for output in graph.outputs for name, _ in output.readout]
     while waiting:
         name = waiting.pop()
         if name not in reached:
             reached.add(name)
             waiting.extend(sources.get(name, ()))
     return frozenset(reached)
+
+
+def _whole(name: str) -> str:
+    """The population of a member; any other name as it is."""
+    return name.partition("[")[0]
+
+
+def rounded_delay(delay_s: float, step_s: float) -> str:
+    """What a delay is rounded to, in words, if that changes it by more than 1 %; else empty."""
+    rounded = round(delay_s / step_s) * step_s
+    if abs(rounded - delay_s) <= _FAR_FROM_WHOLE * delay_s:
+        return ""
+    return f"it becomes {format_quantity(rounded, _MILLISECOND)}, a multiple of {format_quantity(step_s, _MILLISECOND)}"

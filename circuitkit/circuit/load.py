@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from circuitkit.circuit.parts import read_parts
+from circuitkit.circuit.items import Findings
+from circuitkit.circuit.parts import read_module
 from circuitkit.circuit.resolve import analyse
 from circuitkit.circuit.spec import CircuitSpec
 from circuitkit.errors import InputError, Problem
-from circuitkit.source import Document, find_data_file, model_problems, scan_text, scan_yaml
+from circuitkit.source import Document, find_data_file, scan_text, scan_yaml
 
 FOLDER = "circuits"
 
@@ -73,11 +74,12 @@ def _sound(found: _Examined) -> CircuitSpec:
 def _examine(document: Document | None, problems: list[Problem]) -> _Examined:
     if document is None:
         return _Examined(None, tuple(problems), ())
-    parts, form = read_parts(document)
-    _, meaning, warnings = analyse(parts)
-    spec, _ = model_problems(document, CircuitSpec, document.data)
-    remembering = spec.with_parts(parts) if spec else None
-    return _Examined(remembering, _in_order([*problems, *form, *meaning]), _in_order(warnings))
+    module, spec, form = read_module(document)
+    findings = Findings()
+    graph = analyse(module, findings)
+    errors = _in_order([*problems, *form, *findings.errors])
+    remembering = spec.from_files(module, graph) if spec and not errors else None
+    return _Examined(remembering, errors, _in_order(findings.warnings))
 
 
 def _in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from circuitkit.circuit.spec import CircuitSpec, FileSpec
+from circuitkit.circuit.spec import CircuitSpec, FileSpec, InstanceSpec
 from circuitkit.errors import Problem, suggest
 from circuitkit.source import Data, Document, Finding, Place, model_problems, scan_yaml
 
-NAMED_SECTIONS = ("parameters", "inputs", "neurons", "outputs")
+NAMED_SECTIONS = ("parameters", "inputs", "neurons", "populations", "outputs", "neuron_models", "synapse_models")
+LISTED_SECTIONS = ("synapses", "projections")
+_MOST_INSTANCES = 10_000
 
 
 @dataclass(frozen=True)
@@ -25,87 +27,205 @@ class Part:
     Attributes:
         document: The text's data and marks.
         spec: What is sound of it.
-        synapse_numbers: For every synapse of `spec`, its number in the document.
+        numbers: For every synapse and projection of `spec`, its number in the document, where they differ.
         lost: Names that are declared, but not soundly.
         lost_sections: Whether so much is unsound that any name may be missing.
+        within: Which instance it stands for, in words for messages; empty outside instances.
     """
 
     document: Document
     spec: FileSpec
-    synapse_numbers: tuple[int, ...]
+    numbers: dict[str, tuple[int, ...]] = field(default_factory=dict)
     lost: frozenset[str] = frozenset()
     lost_sections: bool = False
+    within: str = ""
 
 
-def part_of(spec: CircuitSpec) -> Part:
-    """The part of a whole spec: with line and column if it came from a file, or is a copy of one that did."""
-    document = spec.parts[-1].document if spec.parts else Document("", None, {})
-    return Part(document, spec, tuple(range(len(spec.synapses))))
+@dataclass(frozen=True)
+class Instance:
+    """A circuit inside another one.
+
+    Attributes:
+        spec: The entry that includes it.
+        part: The file with the entry.
+        number: Which entry of `include` it is.
+        module: What is inside.
+    """
+
+    spec: InstanceSpec
+    part: Part
+    number: int
+    module: Module
 
 
-def read_parts(document: Document) -> tuple[tuple[Part, ...], list[Problem]]:
+@dataclass(frozen=True)
+class Module:
+    """Files that share one set of names.
+
+    Attributes:
+        parts: The files; included ones first, the one that gave the module its name last.
+        instances: The circuits inside, in order.
+        lost_instances: Names of instances whose files cannot be read.
+    """
+
+    parts: tuple[Part, ...]
+    instances: tuple[Instance, ...] = ()
+    lost_instances: frozenset[str] = frozenset()
+
+
+def module_of(spec: CircuitSpec) -> Module:
+    """The files of a whole spec: with line and column if it came from a file, or is a copy of one that did."""
+    if spec.module is None:
+        own_models = spec.model_dump(include={"neuron_models", "synapse_models"})
+        return Module((Part(Document("", own_models, {}), spec),))
+    *included, own = spec.module.parts
+    if own.spec is spec:
+        return spec.module
+    return replace(spec.module, parts=(*included, Part(own.document, spec)))
+
+
+def read_module(document: Document) -> tuple[Module, CircuitSpec | None, list[Problem]]:
     """Read a circuit file and all that it includes, also through others.
 
     Args:
         document: The circuit file.
 
     Returns:
-        The parts, included ones first and the circuit file last, and everything wrong with their form.
+        What the files declare, the circuit file's own terms if they are sound, and everything wrong with the
+        form of the files.
     """
-    reader = _Reader([], [], set())
-    reader.add(document, CircuitSpec, ())
-    return tuple(reader.parts), reader.problems
+    reader = _Reader()
+    module = reader.module(document, CircuitSpec, (), "")
+    spec = module.parts[-1].spec
+    return module, spec if isinstance(spec, CircuitSpec) else None, reader.problems
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Reader:
-    parts: list[Part]
-    problems: list[Problem]
-    done: set[Path]
+    problems: list[Problem] = field(default_factory=list)
+    files: dict[Path, Part | None] = field(default_factory=dict)
+    instances: int = 0
 
-    def add(self, document: Document, model: type[FileSpec], including: tuple[Path, ...]) -> None:
-        """Add a document after those that it includes."""
-        here = Path(document.path).resolve()
-        self.done.add(here)
-        findings = model_problems(document, model, document.data)[1]
+    def module(
+        self, document: Document, model: type[FileSpec], including: tuple[Path, ...], within: str
+    ) -> Module:
+        """The files that share their names with a document, and the instances in them."""
+        gathering = _Gathering(within)
+        self.add(gathering, self.part(document, model), including)
+        return Module(
+            tuple(gathering.parts), tuple(gathering.instances), frozenset(gathering.lost_instances)
+        )
+
+    def part(self, document: Document, model: type[FileSpec]) -> Part:
+        """What is sound of a document; complains about the rest."""
+        spec, findings = model_problems(document, model, document.data)
+        if spec is not None:
+            return Part(document, spec)
         self.problems.extend(finding.problem for finding in findings)
-        part = _sound_part(document, findings)
-        lost = part.lost_sections
-        for number, name in enumerate(part.spec.include):
-            lost |= not self.include(document, ("include", number), name, (*including, here))
-        self.parts.append(Part(document, part.spec, part.synapse_numbers, part.lost, lost))
+        return _sound_part(document, findings)
 
-    def include(self, document: Document, place: Place, name: str, including: tuple[Path, ...]) -> bool:
-        """Add an included file, and say whether it could be read."""
-        path = Path(document.path).parent / name
-        if path.resolve() in including:
-            start = including.index(path.resolve())
-            circle = " -> ".join(each.name for each in (*including[start:], path))
-            message = f"found a circle of includes: {circle}; allowed: includes that end"
-            self.problems.append(document.problem(place, message))
-            return True
-        if path.resolve() in self.done:
-            return True
-        if not path.exists():
-            hint = suggest(path.name, sorted(sibling.name for sibling in path.parent.glob("*.y*ml")))
-            message = f"found '{name}', but there is no file '{path}'; allowed: a path from here"
-            self.problems.append(document.problem(place, message, hint))
-            return False
-        included, problems = scan_yaml(path)
+    def add(self, gathering: _Gathering, part: Part, including: tuple[Path, ...]) -> None:
+        """Add a file after those that it includes."""
+        here = Path(part.document.path).resolve()
+        gathering.done.add(here)
+        if gathering.within:
+            part = replace(part, within=gathering.within)
+        lost = part.lost_sections
+        for number, entry in enumerate(part.spec.include):
+            place: Place = ("include", number) if isinstance(entry, str) else ("include", number, "file")
+            name = entry if isinstance(entry, str) else entry.file
+            path = Path(part.document.path).parent / name
+            if self.is_circle(part, place, path, (*including, here)):
+                lost = lost or isinstance(entry, str)
+            elif isinstance(entry, InstanceSpec):
+                self.add_instance(gathering, Instance(entry, part, number, Module(())), (*including, here))
+            elif path.resolve() not in gathering.done:
+                included = self.read(part, place, name)
+                lost |= included is None
+                if included is not None:
+                    self.add(gathering, included, (*including, here))
+        gathering.parts.append(replace(part, lost_sections=lost) if lost else part)
+
+    def add_instance(
+        self, gathering: _Gathering, instance: Instance, including: tuple[Path, ...]
+    ) -> None:
+        """Add a circuit inside the one that is being read."""
+        entry, part, place = instance.spec, instance.part, ("include", instance.number)
+        self.instances += 1
+        if self.instances > _MOST_INSTANCES:
+            if self.instances == _MOST_INSTANCES + 1:
+                message = f"found more than {_MOST_INSTANCES} instances in all; allowed: fewer"
+                self.problems.append(part.document.problem(place, message))
+            gathering.lost_instances.add(entry.name)
+            return
+        included = self.read(part, (*place, "file"), entry.file)
+        if included is None:
+            gathering.lost_instances.add(entry.name)
+            return
+        mark = part.document.mark(place)
+        within = f"in the instance '{entry.name}' of {part.document.path}:{mark.line}:{mark.column}"
+        inside = _Gathering(f"{within}, {gathering.within}" if gathering.within else within)
+        self.add(inside, included, including)
+        module = Module(tuple(inside.parts), tuple(inside.instances), frozenset(inside.lost_instances))
+        gathering.instances.append(replace(instance, module=module))
+
+    def read(self, part: Part, place: Place, name: str) -> Part | None:
+        """An included file, read once however often it is included; None after complaining."""
+        path = Path(part.document.path).parent / name
+        here = path.resolve()
+        if here in self.files:
+            return self.files[here]
+        self.files[here] = None
+        complaint, hint = _unreadable(path, name)
+        if complaint:
+            self.problems.append(part.document.problem(place, complaint, hint))
+            return None
+        document, problems = scan_yaml(path)
         self.problems.extend(problems)
-        if included is not None:
-            self.add(included, FileSpec, including)
-        return included is not None
+        if document is not None:
+            self.files[here] = self.part(document, FileSpec)
+        return self.files[here]
+
+    def is_circle(self, part: Part, place: Place, path: Path, including: tuple[Path, ...]) -> bool:
+        """Whether a file includes itself, perhaps through others; complains if so."""
+        if path.resolve() not in including:
+            return False
+        start = including.index(path.resolve())
+        circle = " -> ".join(each.name for each in (*including[start:], path))
+        message = f"found a circle of includes: {circle}; allowed: includes that end"
+        self.problems.append(part.document.problem(place, message))
+        return True
+
+
+@dataclass
+class _Gathering:
+    """A module in the making."""
+
+    within: str
+    parts: list[Part] = field(default_factory=list)
+    instances: list[Instance] = field(default_factory=list)
+    lost_instances: set[str] = field(default_factory=set)
+    done: set[Path] = field(default_factory=set)
+
+
+def _unreadable(path: Path, name: str) -> tuple[str, str]:
+    """Why an included file cannot be read, and a hint; empty if it may be read."""
+    if path.is_dir():
+        return f"found '{name}', which is a folder; allowed: the path of a circuit file from here", ""
+    if path.exists():
+        return "", ""
+    hint = suggest(path.name, sorted(sibling.name for sibling in path.parent.glob("*.y*ml")))
+    return f"found '{name}', but there is no file '{path}'; allowed: a path from here", hint
 
 
 def _sound_part(document: Document, findings: Iterable[Finding]) -> Part:
     """What is left of a file without the parts that are complained about."""
     data = document.data
     if not isinstance(data, dict):
-        return Part(document, FileSpec(), (), lost_sections=True)
+        return Part(document, FileSpec(), lost_sections=True)
     sound: dict[str, Data] = json.loads(json.dumps(data))  # a copy to take things out of
     lost: set[str] = set()
-    bad_synapses: set[int] = set()
+    bad_entries: dict[str, set[int]] = {section: set() for section in LISTED_SECTIONS}
     lost_sections = False
     for finding in sorted(findings, key=lambda each: each.kind != "extra_forbidden"):
         section, *inner = finding.place
@@ -114,18 +234,19 @@ def _sound_part(document: Document, findings: Iterable[Finding]) -> Part:
         elif section in NAMED_SECTIONS and inner:
             lost.add(str(inner[0]))
             _without(sound, (section, inner[0]))
-        elif section == "synapses" and inner:
-            bad_synapses.add(int(inner[0]))
+        elif section in LISTED_SECTIONS and inner:
+            bad_entries[str(section)].add(int(inner[0]))
         else:
             sound.pop(str(section), None)
             lost_sections |= section in {*NAMED_SECTIONS, "include"}
-    numbers: tuple[int, ...] = ()
-    if isinstance(synapses := sound.get("synapses"), list):
-        numbers = tuple(number for number in range(len(synapses)) if number not in bad_synapses)
-        sound["synapses"] = [synapses[number] for number in numbers]
+    numbers: dict[str, tuple[int, ...]] = {}
+    for section, bad in bad_entries.items():
+        if isinstance(entries := sound.get(section), list):
+            numbers[section] = tuple(number for number in range(len(entries)) if number not in bad)
+            sound[section] = [entries[number] for number in numbers[section]]
     spec, rest = model_problems(document, FileSpec, sound)
     if spec is None or rest:
-        return Part(document, FileSpec(), (), frozenset(lost), lost_sections=True)
+        return Part(document, FileSpec(), {}, frozenset(lost), lost_sections=True)
     return Part(document, spec, numbers, frozenset(lost), lost_sections)
 
 

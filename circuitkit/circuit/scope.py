@@ -1,99 +1,116 @@
-"""What a circuit's files declare, merged: names, values of parameters, and the complaints so far."""
+"""What the files of a circuit, or of an instance in one, declare: names, and values of parameters."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
 
-from circuitkit.circuit.graph import NO_ORIGIN, Origin
-from circuitkit.circuit.parts import Part
-from circuitkit.circuit.spec import InputSpec, NeuronSpec, OutputSpec, ParameterSpec, SynapseSpec
-from circuitkit.circuit.values import (
-    LostNameError,
-    ValueProblemError,
-    evaluate,
-    unknown_parameter,
+from circuitkit.circuit.items import Findings, Item, SpecT
+from circuitkit.circuit.measures import Measure
+from circuitkit.circuit.parts import Module, Part
+from circuitkit.circuit.spec import (
+    FileSpec,
+    InputSpec,
+    InstanceSpec,
+    NeuronSpec,
+    OutputSpec,
+    ParameterSpec,
+    PopulationSpec,
+    ProjectionSpec,
+    SynapseSpec,
 )
-from circuitkit.errors import Problem, listing, suggest
+from circuitkit.circuit.values import LostNameError, ValueProblemError, compute, evaluate, unknown_parameter
+from circuitkit.errors import listing, suggest
 from circuitkit.source import FileModel, Place
-from circuitkit.units import DIMENSIONLESS, Quantity, Unit
+from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, Unit
 
-SpecT = TypeVar("SpecT", bound=FileModel)
+AnySpec = TypeVar("AnySpec", bound=FileModel)
 # Tables of results have a column of this name.
 RESERVED_NAME = "time_s"
 # Far beyond any use, and far from Python's limit of recursion.
 _LONGEST_CHAIN = 50
+_MEMBER = re.compile(r"(?P<population>.*)\[(?P<member>\d+)\]")
+NODE_SECTIONS = {"input": "inputs", "neuron": "neurons", "population": "populations", "output": "outputs"}
 
 
-@dataclass(frozen=True)
-class Item(Generic[SpecT]):
-    """Something that a file declares, with where it stands."""
-
-    name: str
-    spec: SpecT
-    part: Part
-    place: Place
-
-    @property
-    def origin(self) -> Origin:
-        """Where its name stands."""
-        mark = self.part.document.mark(self.place)
-        path = self.part.document.path
-        return Origin(path, mark.key_line, mark.key_column) if path else NO_ORIGIN
-
-    @property
-    def value_place(self) -> Place:
-        """Where the value of a parameter stands: a parameter may be written `1 mm` or `{value: 1 mm}`."""
-        return ("value",) if (*self.place, "value") in self.part.document.marks else ()
-
-    def problem(self, inner: Place, message: str, hint: str = "", *, at_key: bool = False) -> Problem:
-        """A complaint about a part of it."""
-        return self.part.document.problem((*self.place, *inner), message, hint, at_key=at_key)
-
-    def seen_from(self, part: Part) -> str:
-        """Where it stands, in words for a message about another place."""
-        origin = self.origin
-        return f"on line {origin.line}" if part is self.part else f"at {origin}"
-
-
-@dataclass
-class Scope:
-    """What the files declare, and everything that is wrong with it so far.
+@dataclass(frozen=True, slots=True)
+class Located:
+    """What a name stands for.
 
     Attributes:
-        parts: The files; the circuit file is the last one.
-        overrides: Values that take the place of parameters of the files.
-        errors: What is wrong.
-        warnings: What is doubtful.
+        kind: "input", "neuron", "population", "member" or "output".
+        name: Its name in the whole circuit.
+        scope: Where it is declared.
+        item: Its declaration.
+        member: Number of the member, for a member of a population.
     """
 
-    parts: Sequence[Part]
-    overrides: Mapping[str, float | str] = field(default_factory=dict)
-    errors: list[Problem] = field(default_factory=list)
-    warnings: list[Problem] = field(default_factory=list)
-    used_parameters: set[str] = field(default_factory=set)
-    _values: dict[str, Quantity | None] = field(default_factory=dict)
-    _in_progress: list[str] = field(default_factory=list)
+    kind: str
+    name: str
+    scope: Scope
+    item: Item[Any]
+    member: int = -1
 
-    def __post_init__(self) -> None:
-        """Merge the sections of all files, and complain about names that are declared twice.
 
-        A parameter may be declared again by a file that includes the other one: the including file's value
-        counts, and must be of the same dimension.
-        """
-        self.lost = frozenset().union(*(part.lost for part in self.parts))
+class Scope:
+    """The names of one module, the values of its parameters, and its instances.
+
+    Attributes:
+        parts: The files; the one that gave the module its name is the last one.
+        prefix: What stands before its names in the whole circuit, such as `lateral.`.
+        outer: The scope that it is an instance in.
+        entry: The entry of the outer file that makes it an instance.
+        instances: The scopes of its own instances, by name.
+        findings: What is wrong and doubtful so far, in all scopes.
+        used_parameters: Names of parameters that something used.
+    """
+
+    def __init__(
+        self,
+        module: Module,
+        findings: Findings,
+        outer: Scope | None = None,
+        entry: Item[InstanceSpec] | None = None,
+    ) -> None:
+        self.parts: Sequence[Part] = module.parts
+        self.findings = findings
+        self.errors, self.warnings = findings.errors, findings.warnings
+        self.outer, self.entry = outer, entry
+        self.prefix = f"{outer.prefix}{entry.name}." if outer and entry else ""
+        self.root: Scope = outer.root if outer else self
+        self.main: Item[FileSpec] = Item("", self.parts[-1].spec, self.parts[-1], ())
+        self.lost: frozenset[str] = frozenset().union(*(part.lost for part in self.parts))
+        self.lost_instances = module.lost_instances
         self.incomplete = any(part.lost_sections for part in self.parts)
+        self.used_parameters: set[str] = set()
+        self._values: dict[str, Quantity | None] = {}
+        self._located: dict[str, Located | None] = {}
         self._included: dict[str, list[Item[ParameterSpec]]] = {}
         self.parameters: dict[str, Item[ParameterSpec]] = self._merged("parameters")
         self.inputs: dict[str, Item[InputSpec]] = self._merged("inputs")
         self.neurons: dict[str, Item[NeuronSpec]] = self._merged("neurons")
+        self.populations: dict[str, Item[PopulationSpec]] = self._merged("populations")
         self.outputs: dict[str, Item[OutputSpec]] = self._merged("outputs")
-        self.nodes: dict[str, tuple[str, Item[InputSpec] | Item[NeuronSpec] | Item[OutputSpec]]] = {}
+        self.nodes: dict[str, tuple[str, Item[Any]]] = {}
         self._claim_names()
+        self.instances: dict[str, Scope] = {}
+        for instance in module.instances:
+            item = Item(instance.spec.name, instance.spec, instance.part, ("include", instance.number))
+            self._claim_instance(item)
+            self.instances.setdefault(item.name, Scope(instance.module, findings, self, item))
+        self.published: dict[str, Located] = {}
+        self._publish()
 
-    def _merged(self, section: str) -> dict[str, Item[SpecT]]:
-        merged: dict[str, Item[SpecT]] = {}
+    def _merged(self, section: str) -> dict[str, Item[AnySpec]]:
+        """A section of all files; complains about names that are declared twice.
+
+        A parameter may be declared again by a file that includes the other one: the including file's value
+        counts, and must be of the same dimension.
+        """
+        merged: dict[str, Item[AnySpec]] = {}
         for part in self.parts:
             for name, spec in getattr(part.spec, section).items():
                 item = Item(name, spec, part, (section, name))
@@ -109,16 +126,16 @@ class Scope:
         return merged
 
     def _claim_names(self) -> None:
-        """Inputs, neurons and outputs share one set of names."""
-        for kind, items in (("input", self.inputs), ("neuron", self.neurons), ("output", self.outputs)):
-            for name, item in items.items():
+        """Inputs, neurons, populations and outputs share one set of names."""
+        for kind, section in NODE_SECTIONS.items():
+            for name, item in getattr(self, section).items():
                 if name == RESERVED_NAME:
                     message = f"found the name '{name}', which tables use for the time; allowed: another name"
                     self.errors.append(item.problem((), message, at_key=True))
                 if name in self.nodes:
                     other, first = self.nodes[name]
-                    taken = f"the name '{name}' is taken by an {other} {first.seen_from(item.part)}"
-                    message = f"{taken}; allowed: a name of its own".replace("an neuron", "a neuron")
+                    taken = f"the name '{name}' is taken by {_a(other)} {first.seen_from(item.part)}"
+                    message = f"{taken}; allowed: a name of its own"
                     self.errors.append(item.problem((), message, at_key=True))
                 else:
                     self.nodes[name] = (kind, item)
@@ -128,24 +145,124 @@ class Scope:
                 where = first.seen_from(parameter.part)
                 message = f"the parameter has the same name as the {kind} {where}; give one another name"
                 self.warnings.append(parameter.problem((), message, at_key=True))
+            if name in UNIT_SYMBOLS:
+                message = f"the parameter has the same name as the unit {name}, which it still means after a number"
+                self.warnings.append(
+                    parameter.problem((), f"{message} (1 {name}); give it another name", at_key=True)
+                )
+
+    def _claim_instance(self, item: Item[InstanceSpec]) -> None:
+        taken = self.nodes.get(item.name) or (
+            ("instance", self.instances[item.name].entry) if item.name in self.instances else None
+        )
+        if taken is not None and taken[1] is not None:
+            where = taken[1].seen_from(item.part)
+            message = f"the name '{item.name}' is taken by {_a(taken[0])} {where}; allowed: a name of its own"
+            self.errors.append(item.problem(("as",), message))
+
+    def _publish(self) -> None:
+        """Collect the outputs that are outputs of what is around, too: those of instances, then its own."""
+        for key, scope in self.instances.items():
+            chosen = scope.entry.spec.outputs if scope.entry else None
+            for inner, output in scope.published.items():
+                if chosen is None:
+                    self.published[f"{key}.{inner}"] = output
+                elif inner in chosen:
+                    self._rename_output(scope.entry, inner, chosen[inner], output)
+        for name, item in self.outputs.items():
+            self.published[name] = Located("output", self.prefix + name, self, item)
+
+    def _rename_output(
+        self, entry: Item[InstanceSpec] | None, inner: str, name: str, output: Located
+    ) -> None:
+        """Take over an output of an instance under another name."""
+        if entry is not None and (name in self.nodes or name in self.published or name == RESERVED_NAME):
+            message = f"the name '{name}' is taken; allowed: a name of its own"
+            self.errors.append(entry.problem(("outputs", inner), message))
+            return
+        self.published[name] = self._located[name] = output
+        self.nodes[name] = ("output", output.item)
+
+    def everything(self) -> Iterator[Scope]:
+        """All scopes: those of instances before the one around them."""
+        for instance in self.instances.values():
+            yield from instance.everything()
+        yield self
 
     def synapses(self) -> Iterator[Item[SynapseSpec]]:
         """The synapses of all files, in order."""
+        return self._entries("synapses")
+
+    def projections(self) -> Iterator[Item[ProjectionSpec]]:
+        """The projections of all files, in order."""
+        return self._entries("projections")
+
+    def _entries(self, section: str) -> Iterator[Item[Any]]:
         for part in self.parts:
-            for number, spec in zip(part.synapse_numbers, part.spec.synapses, strict=True):
-                yield Item("", spec, part, ("synapses", number))
+            entries = getattr(part.spec, section)
+            numbers = part.numbers.get(section) or range(len(entries))
+            for number, spec in zip(numbers, entries, strict=True):
+                yield Item("", spec, part, (section, number))
 
     def is_lost(self, name: str) -> bool:
         """Whether a missing name may be missing only because of something that is reported already."""
-        return self.incomplete or name in self.lost
+        first, dot, rest = name.partition(".")
+        if dot and first in self.instances and self.instances[first].is_lost(rest):
+            return True
+        return self.incomplete or name.partition("[")[0] in self.lost or first in self.lost_instances
+
+    def locate(self, name: str) -> Located | None:
+        """What a name of an input, neuron, population, member or output stands for; None if nothing has it.
+
+        A member need not exist: its number is not compared with the size of the population.
+        """
+        if name not in self._located:
+            self._located[name] = self._locate(name)
+        return self._located[name]
+
+    def _locate(self, name: str) -> Located | None:
+        if name in self.nodes:
+            kind, item = self.nodes[name]
+            return Located(kind, self.prefix + name, self, item)
+        if match := _MEMBER.fullmatch(name):
+            found = self.locate(match["population"])
+            if found is None or found.kind != "population":
+                return None
+            member = int(match["member"])
+            return Located("member", f"{found.name}[{member}]", found.scope, found.item, member)
+        first, dot, rest = name.partition(".")
+        return self.instances[first].locate(rest) if dot and first in self.instances else None
+
+    def names(self, *kinds: str) -> list[str]:
+        """The names of these kinds that can be used here: its own, then those of its instances."""
+        own = [name for name, (kind, _) in self.nodes.items() if kind in kinds]
+        inner = [f"{key}.{name}" for key, scope in self.instances.items() for name in scope.names(*kinds)]
+        return [*own, *inner]
 
     def unknown(self, what: str, name: str, allowed: str, names: Sequence[str]) -> tuple[str, str]:
         """Message and hint about a name that is not among the names allowed here."""
         found = f"unknown {what} '{name}'"
-        if name in self.nodes or name in self.parameters:
-            kind = self.nodes[name][0] if name in self.nodes else "parameter"
-            found = f"found '{name}', which is {'an' if kind[0] in 'io' else 'a'} {kind}"
+        located = self.locate(name)
+        if located is not None:
+            found = f"found '{name}', which is {_a(located.kind)}"
+        elif name in self.parameters:
+            found = f"found '{name}', which is a parameter"
+        elif name in self.instances:
+            found = f"found '{name}', which is an instance"
         return f"{found}; allowed: {allowed}: {listing(names)}", suggest(name, names)
+
+    def address(self, item: Item[SpecT], inner: Place) -> str:
+        """How a value is called from outside, such as `lateral.q1.slope`."""
+        words = [item.name, *(str(part) for part in inner if part != "value")]
+        return self.prefix + ".".join(word for word in words if word)
+
+    def is_given(self, item: Item[SpecT], inner: Place) -> bool:
+        """Whether a value is given from outside."""
+        if not self.findings.overrides or (item.place and not item.name):
+            return False  # nothing is given, or it is a synapse, which has no name to call it by
+        address = self.address(item, inner)
+        self.findings.addresses[address] = None
+        return address in self.findings.overrides
 
     def value(
         self, item: Item[SpecT], inner: Place, value: object, unit: Unit | None = None, reason: str = ""
@@ -155,29 +272,50 @@ class Scope:
         Args:
             item: What the value belongs to.
             inner: Where in the item it stands.
-            value: As written.
+            value: As written; a value from outside takes its place.
             unit: A unit of the dimension that is allowed; None for any.
             reason: Why this dimension, for the message.
         """
+        scope = self
+        if item.place[:1] != ("parameters",) and self.is_given(item, inner):
+            scope, value = self.root, self.findings.overrides[self.address(item, inner)]
         try:
-            quantity = evaluate(value, self._look_up)
+            quantity = evaluate(value, scope.look_up)
         except ValueProblemError as error:
-            self.errors.append(item.problem(inner, error.message, error.hint))
+            self.errors.append(item.problem(inner, error.message, error.hint, offset=error.offset))
         except LostNameError:
             pass
         else:
             return quantity if unit is None or self.fits(item, inner, quantity, unit, reason) else None
         return None
 
-    def fits(self, item: Item[SpecT], inner: Place, quantity: Quantity, unit: Unit, reason: str = "") -> bool:
+    def measure(
+        self, item: Item[SpecT], inner: Place, value: object, variables: Mapping[str, Measure]
+    ) -> Measure | None:
+        """As `value`, of an expression with variables that may be arrays."""
+        scope = self
+        if self.is_given(item, inner):
+            scope, value = self.root, self.findings.overrides[self.address(item, inner)]
+        try:
+            return compute(value, scope.look_up, variables)
+        except ValueProblemError as error:
+            self.errors.append(item.problem(inner, error.message, error.hint, offset=error.offset))
+        except LostNameError:
+            pass
+        return None
+
+    def fits(
+        self, item: Item[SpecT], inner: Place, quantity: Quantity | Measure, unit: Unit, reason: str = ""
+    ) -> bool:
         """Whether a quantity has the dimension of a unit; complains if not."""
-        if quantity.dimension == unit.dimension:
+        if quantity.unit.dimension == unit.dimension:
             return True
         allowed = f"{unit.dimension}, such as '1 {unit}'" if any(unit.dimension) else "a number without unit"
         because = f", since {reason}" if reason else ""
-        message = f"found {quantity} ({quantity.dimension}); allowed: {allowed}{because}"
-        hint = f"did you mean '{quantity} {unit}'?" if quantity.unit == DIMENSIONLESS else ""
-        self.errors.append(item.problem(inner, message, hint))
+        found = str(quantity) if isinstance(quantity, Quantity) else f"values in {quantity.unit}"
+        message = f"found {found} ({quantity.dimension}); allowed: {allowed}{because}"
+        is_bare = isinstance(quantity, Quantity) and quantity.unit == DIMENSIONLESS
+        self.errors.append(item.problem(inner, message, f"did you mean '{quantity} {unit}'?" if is_bare else ""))
         return False
 
     def pair(
@@ -197,38 +335,81 @@ class Scope:
     def parameter(self, name: str) -> Quantity | None:
         """The value of a declared parameter, or None after complaining."""
         if name not in self._values:
-            item = self.parameters[name]
-            inner = item.value_place
-            if name in self._in_progress:
-                circle = " -> ".join((*self._in_progress[self._in_progress.index(name) :], name))
+            item, chain = self.parameters[name], self.findings.in_progress
+            full_name = self.prefix + name
+            if full_name in chain:
+                circle = " -> ".join((*chain[chain.index(full_name) :], full_name))
                 message = f"found a circle of parameters: {circle}; allowed: parameters that end in a value"
-                self.errors.append(item.problem(inner, message))
+                self.errors.append(item.problem(item.value_place, message))
                 return None
-            if len(self._in_progress) >= _LONGEST_CHAIN:
+            if len(chain) >= _LONGEST_CHAIN:
                 message = f"found more than {_LONGEST_CHAIN} parameters in a chain; allowed: fewer"
-                self.errors.append(item.problem(inner, message))
+                self.errors.append(item.problem(item.value_place, message))
                 return None
-            self._in_progress.append(name)
-            quantity = self.value(item, inner, item.spec.value)
-            for included in self._included.get(name, ()):
-                before = self.value(included, included.value_place, included.spec.value)
-                if before is not None and quantity is not None:
-                    reason = f"{included.seen_from(item.part)} it is {before}"
-                    quantity = quantity if self.fits(item, inner, quantity, before.unit, reason) else None
-            if quantity is not None and name in self.overrides:
-                reason = f"the file has {quantity}"
-                quantity = self.value(item, inner, self.overrides[name], quantity.unit, reason)
-            self._in_progress.pop()
-            self._values[name] = quantity
+            chain.append(full_name)
+            self._values[name] = self._worked_out(name, item)
+            chain.pop()
         return self._values[name]
 
-    def _look_up(self, name: str) -> Quantity:
+    def _worked_out(self, name: str, item: Item[ParameterSpec]) -> Quantity | None:
+        """A parameter's value: as declared, unless an including file, an instance or the caller sets another."""
+        quantity = self.value(item, item.value_place, item.spec.value)
+        for included in self._included.get(name, ()):
+            before = self.value(included, included.value_place, included.spec.value)
+            if before is not None and quantity is not None:
+                reason = f"{included.seen_from(item.part)} it is {before}"
+                fits = self.fits(item, item.value_place, quantity, before.unit, reason)
+                quantity = quantity if fits else None
+        if self.entry is not None and self.outer is not None and name in self.entry.spec.parameters:
+            place = ("parameters", name)
+            given = self.outer.value(self.entry, place, self.entry.spec.parameters[name])
+            if given is not None and quantity is not None:
+                reason = f"{item.seen_from(self.entry.part)} it is {quantity}"
+                given = given if self.fits(self.entry, place, given, quantity.unit, reason) else None
+            quantity = given
+        if quantity is not None and self.is_given(item, ()):
+            override = self.findings.overrides[self.address(item, ())]
+            given = self._from_outside(item, override)
+            reason = f"the file has {quantity}"
+            fits = given is not None and self.fits(item, item.value_place, given, quantity.unit, reason)
+            quantity = given if fits else None
+        return quantity
+
+    def _from_outside(self, item: Item[ParameterSpec], value: object) -> Quantity | None:
+        try:
+            return evaluate(value, self.root.look_up)
+        except ValueProblemError as error:
+            self.errors.append(item.problem(item.value_place, error.message, error.hint))
+        except LostNameError:
+            pass
+        return None
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The names of the parameters that can be used here: its own, then those of its instances."""
+        inner = (f"{key}.{name}" for key, scope in self.instances.items() for name in scope.parameter_names)
+        return (*self.parameters, *inner)
+
+    def look_up(self, name: str) -> Quantity:
+        """The value of a parameter.
+
+        Raises:
+            ValueProblemError: There is none of this name.
+            LostNameError: It is declared, but has no sound value.
+        """
         if name not in self.parameters:
+            first, dot, rest = name.partition(".")
+            if dot and first in self.instances and rest in self.instances[first].parameter_names:
+                return self.instances[first].look_up(rest)
             if self.is_lost(name):
                 raise LostNameError
-            raise unknown_parameter(name, self.parameters)
+            raise unknown_parameter(name, self.parameter_names)
         self.used_parameters.add(name)
         quantity = self.parameter(name)
         if quantity is None:
             raise LostNameError
         return quantity
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'io' else 'a'} {kind}"

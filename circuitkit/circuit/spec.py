@@ -1,14 +1,14 @@
 """The circuit file in its own terms: what may stand in it, as pydantic models.
 
 References, units and signs are checked afterwards, by `resolve`; here a value is still a number, a quantity
-such as `-80 mm`, or a sum of parameters such as `edge - margin`.
+such as `-80 mm`, or an expression such as `2 * (edge - margin)`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -28,9 +28,12 @@ from circuitkit.source import FileModel, describe
 from circuitkit.units import parse_unit
 
 if TYPE_CHECKING:
-    from circuitkit.circuit.parts import Part
+    from circuitkit.circuit.graph import CircuitGraph
+    from circuitkit.circuit.parts import Module
 
-NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
+PLAIN_NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
+# Dots are for flat files, in which the neurons of instances keep their names, such as `lateral.q1`.
+NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*$"
 
 
 def _check_name(text: str) -> str:
@@ -38,6 +41,10 @@ def _check_name(text: str) -> str:
         message = f"found '{text}'; allowed: a name of letters, digits and _, not starting with a digit"
         raise ValueError(message)
     return text
+
+
+def _check_plain_name(text: str) -> str:
+    return _check_name(text.replace(".", " "))
 
 
 def _check_value(value: object) -> object:
@@ -67,10 +74,37 @@ _ONE_OR_MORE_NAMES = {
     "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]
 }
 _NAME = {"type": "string", "pattern": NAME_PATTERN}
-_NUMBER_OR_TEXT = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+_NUMBER_OR_TEXT: dict[str, list[dict[str, Any]]] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+_PAIR = {"type": "array", "items": _NUMBER_OR_TEXT, "minItems": 2, "maxItems": 2}
+DISTRIBUTIONS: Mapping[str, str] = {
+    "range": "Evenly from the first value to the second one, both included.",
+    "uniform": "Drawn evenly between the two values, by the seed of the circuit.",
+    "normal": "Drawn from a normal distribution of this mean and standard deviation, by the seed.",
+}
+
+_VALUES = {
+    "anyOf": [
+        *_NUMBER_OR_TEXT["anyOf"],
+        {"type": "array", "items": _NUMBER_OR_TEXT, "minItems": 1},
+        *(
+            {
+                "type": "object",
+                "properties": {kind: {**_PAIR, "description": meaning}},
+                "required": [kind],
+                "additionalProperties": False,
+            }
+            for kind, meaning in DISTRIBUTIONS.items()
+        ),
+    ]
+}
 
 Name = Annotated[str, AfterValidator(_check_name), WithJsonSchema(_NAME)]
+PlainName = Annotated[
+    str, AfterValidator(_check_plain_name), WithJsonSchema({"type": "string", "pattern": PLAIN_NAME_PATTERN})
+]
 Value = Annotated[float | str, BeforeValidator(_check_value), WithJsonSchema(_NUMBER_OR_TEXT)]
+# For every member of a population or synapse of a projection; looked at when it is known how many there are.
+Values = Annotated[Any, WithJsonSchema(_VALUES)]
 UnitText = Annotated[str, BeforeValidator(_check_unit)]
 Targets = Annotated[
     tuple[str, ...], BeforeValidator(_as_tuple), Field(min_length=1), WithJsonSchema(_ONE_OR_MORE_NAMES)
@@ -81,7 +115,7 @@ Description = Annotated[str, Field(description="What this is, in words.")]
 class ParameterSpec(FileModel):
     """A named value; written as the bare value, or with a description."""
 
-    value: Value = Field(description="A number, a quantity like '-80 mm', or a sum like 'edge - margin'.")
+    value: Value = Field(description="A number, a quantity like '-80 mm', or an expression like '2 * edge'.")
     description: Description = ""
 
     @model_validator(mode="before")
@@ -104,15 +138,11 @@ class InputSpec(FileModel):
     description: Description = ""
 
 
-class NeuronSpec(FileModel):
-    """A neuron: an activation function with its parameters, which stand beside the keys below."""
+class WithModelParameters(FileModel):
+    """An entry in which the parameters of its model stand beside its own keys."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Any]
-
-    model: str = Field(description="The activation function: one of the neuron models.")
-    role: Role = Field(description="excitatory: outgoing weights are positive; inhibitory: negative.")
-    description: Description = ""
 
     @property
     def values(self) -> Mapping[str, object]:
@@ -120,12 +150,84 @@ class NeuronSpec(FileModel):
         return self.__pydantic_extra__ or {}
 
 
-class SynapseSpec(FileModel):
+class NeuronSpec(WithModelParameters):
+    """A neuron: its model with its parameters, which stand beside the keys below."""
+
+    model: str = Field(description="What the neuron computes: one of the neuron models.")
+    role: Role = Field(description="excitatory: outgoing weights are positive; inhibitory: negative.")
+    noise: Value | None = Field(
+        None,
+        description="Standard deviation of the noise on the activation: in every control step, or per "
+        "square root of a second for models with derivatives; in the unit of the activation.",
+    )
+    initial: dict[str, Value] = Field({}, description="Start of states of the model, by name.")
+    description: Description = ""
+
+
+class PopulationSpec(WithModelParameters):
+    """Neurons of one model; member i, from 0, is called NAME[i]."""
+
+    size: Value = Field(description="How many neurons.")
+    model: str = Field(description="What the neurons compute: one of the neuron models.")
+    role: Role = Field(description="excitatory: outgoing weights are positive; inhibitory: negative.")
+    noise: Values = Field(None, description="As a neuron's; for all, or for each member.")
+    initial: dict[str, Values] = Field({}, description="Start of states of the model, by name.")
+    description: Description = ""
+
+
+class SynapseSpec(WithModelParameters):
     """A connection from an input or a neuron to one or more neurons (eq. 11)."""
 
-    source: str = Field(alias="from", description="Name of an input or of a neuron.")
-    to: Targets = Field(description="Name of a neuron, or a list of names.")
-    weight: Value = Field(description="Signed; unit of the target's activation over the unit of the source.")
+    source: str = Field(alias="from", description="Name of an input, a neuron or a member of a population.")
+    to: Targets = Field(description="Name of a neuron or of a member of a population, or a list of names.")
+    weight: Value = Field(
+        description="Signed; for static synapses in the unit of the target's activation over that of the source."
+    )
+    model: str = Field("static", description="What the synapse does: one of the synapse models.")
+    delay: Value | None = Field(None, description="How much later the source's output arrives, such as 5 ms.")
+    gate: str | None = Field(None, description="Name of the neuron that the model calls gate.")
+    kind: Literal["sensorial"] | None = Field(
+        None, description="sensorial: of either sign, like a synapse from an input."
+    )
+    description: Description = ""
+
+
+class ConnectSpec(FileModel):
+    """Which members of a projection's source lead to which of its target: one of the keys."""
+
+    probability: Value | None = Field(None, description="Probability of each synapse, 0 to 1.")
+    in_degree: Value | None = Field(None, description="How many different sources each target has.")
+    matrix: str | None = Field(
+        None, description="A file by path from this one: CSV, NPZ or Parquet; a row for every target."
+    )
+    sources: tuple[tuple[int, ...], ...] | None = Field(
+        None, description="For every target the numbers of its sources, ascending, from 0."
+    )
+
+
+class ProjectionSpec(WithModelParameters):
+    """Synapses of one model from an input, neuron or population to a neuron or population."""
+
+    source: str = Field(alias="from", description="Name of an input, a neuron or a population.")
+    to: str = Field(description="Name of a neuron or of a population.")
+    connect: Literal["all_to_all", "one_to_one"] | ConnectSpec = Field(
+        description="all_to_all, one_to_one, or a mapping with one of probability, in_degree, matrix, sources."
+    )
+    self_connections: bool = Field(
+        True,
+        alias="self",
+        description="Whether a member of a population may connect to itself; true if absent.",
+    )
+    weight: Values = Field(
+        None,
+        description="As a synapse's; one for all or for each. Times what stands in the matrix, if there is one.",
+    )
+    model: str = Field("static", description="What the synapses do: one of the synapse models.")
+    delay: Value | None = Field(None, description="How much later the source's output arrives, such as 5 ms.")
+    gate: str | None = Field(None, description="Name of the neuron that the model calls gate.")
+    kind: Literal["sensorial"] | None = Field(
+        None, description="sensorial: of either sign, like a synapse from an input."
+    )
     description: Description = ""
 
 
@@ -139,12 +241,28 @@ class OutputSpec(FileModel):
     """An output of the circuit: a weighted sum of neuron outputs."""
 
     unit: UnitText = Field(description="Unit of the output, such as deg; '1' for dimensionless.")
-    readout: dict[str, Value] = Field(
-        min_length=1, description="Weight of every neuron that is read, in the dimension of the output."
+    readout: dict[str, Values] = Field(
+        min_length=1,
+        description="Weight of every neuron, member or population read, in the unit of the output.",
     )
     integrate: IntegrateSpec | None = Field(None, description="Accumulate the readout, with a leak.")
     limits: tuple[Value, Value] | None = Field(
         None, description="Smallest and largest output; an accumulated output stops there."
+    )
+    description: Description = ""
+
+
+class InstanceSpec(FileModel):
+    """A circuit inside this one: everything in it is called NAME.… here."""
+
+    file: str = Field(description="The circuit file, by path from this file.")
+    name: PlainName = Field(alias="as", description="Name of the instance.")
+    parameters: dict[str, Value] = Field({}, description="Values that take the place of the file's own.")
+    inputs: dict[str, str | dict[str, Value]] = Field(
+        {}, description="For inputs of the file, what they are here: a name, or a weighted sum of names."
+    )
+    outputs: dict[str, PlainName] | None = Field(
+        None, description="Outputs of the file that are outputs here, and their names here; all if absent."
     )
     description: Description = ""
 
@@ -160,13 +278,29 @@ class FileSpec(FileModel):
         description="as_printed: two steps a layer, eqs. 11-12 word for word; synchronous: one step a layer; "
         "ordered: no delay along the graph, file order inside a cycle.",
     )
-    include: tuple[str, ...] = Field(
-        (), description="Other files whose sections are added to this one's, by path from this file."
+    substeps: Value | None = Field(
+        None, description="In how many steps models with derivatives advance in a control step; 1 if absent."
+    )
+    seed: Value | None = Field(
+        None, description="Seed of distributions and random connections, a whole number; 0 if absent."
+    )
+    neuron_models: dict[PlainName, Any] = Field(
+        {}, description="Neuron models of this circuit, by name; written like the shipped ones."
+    )
+    synapse_models: dict[PlainName, Any] = Field(
+        {}, description="Synapse models of this circuit, by name; written like the shipped ones."
+    )
+    include: tuple[str | InstanceSpec, ...] = Field(
+        (),
+        description="Other files, by path from this file: a path adds its sections to this file's; a mapping "
+        "with file and as makes a circuit inside this one of it.",
     )
     parameters: dict[Name, ParameterSpec] = Field({}, description="Named values; used by name.")
     inputs: dict[Name, InputSpec] = Field({}, description="Sensorial inputs, by name.")
     neurons: dict[Name, NeuronSpec] = Field({}, description="Neurons, by name.")
+    populations: dict[Name, PopulationSpec] = Field({}, description="Many neurons of a kind, by name.")
     synapses: tuple[SynapseSpec, ...] = Field((), description="Connections.")
+    projections: tuple[ProjectionSpec, ...] = Field((), description="Many connections of a kind.")
     outputs: dict[Name, OutputSpec] = Field({}, description="Outputs, by name.")
 
 
@@ -176,15 +310,45 @@ class CircuitSpec(FileSpec):
     circuit: Name = Field(description="Name of the circuit.")
     control_step: Value = Field(description="Time between two updates, such as 10 ms.")
     timing: Timing = Field(description=FileSpec.model_fields["timing"].description)
-    _parts: tuple[Part, ...] = PrivateAttr(())
+    _module: Module | None = PrivateAttr(None)
+    _graph: CircuitGraph | None = PrivateAttr(None)
+    _graph_of: CircuitSpec | None = PrivateAttr(None)
+    _overrides: Mapping[str, float | str] = PrivateAttr({})
 
     @property
-    def parts(self) -> tuple[Part, ...]:
-        """This file and those it includes, with line and column; empty if it came from no file."""
-        return self._parts
+    def module(self) -> Module | None:
+        """This file and those it includes, with line and column; None if it came from no file."""
+        return self._module
 
-    def with_parts(self, parts: tuple[Part, ...]) -> CircuitSpec:
-        """The same spec, remembering the files it came from."""
+    @property
+    def graph(self) -> CircuitGraph | None:
+        """The circuit as it was resolved when the file was checked; None for a changed copy."""
+        return self._graph if self._graph_of is self else None
+
+    @property
+    def overrides(self) -> Mapping[str, float | str]:
+        """The values that take the place of the file's, by name."""
+        return self._overrides
+
+    def from_files(self, module: Module, graph: CircuitGraph | None) -> CircuitSpec:
+        """The same spec, remembering the files it came from and what they resolve to."""
         remembering = self.model_copy()
-        remembering._parts = parts
+        remembering._module, remembering._graph, remembering._graph_of = module, graph, remembering
         return remembering
+
+    def with_(self, values: Mapping[str, float | str]) -> CircuitSpec:
+        """A new spec with other values, such as `spec.with_({"w": "2 deg", "q1.slope": "50 /m"})`.
+
+        Args:
+            values: By name, as `resolve` takes them.
+
+        Raises:
+            UnknownNameError: The circuit has no value of this name.
+            InputError: A value does not fit.
+        """
+        from circuitkit.circuit.resolve import resolve
+
+        changed = self.model_copy()
+        changed._overrides = {**self._overrides, **values}
+        changed._graph, changed._graph_of = resolve(self, changed._overrides), changed
+        return changed

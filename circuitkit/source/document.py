@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
 
 from circuitkit.errors import Problem
 
@@ -14,8 +14,7 @@ Data: TypeAlias = "bool | int | float | str | list[Data] | dict[str, Data] | Non
 Place: TypeAlias = tuple[str | int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Mark:
+class Mark(NamedTuple):
     """Where a part stands in the text, all from 1.
 
     Attributes:
@@ -39,11 +38,13 @@ class Document:
         path: The file as the user named it, for messages.
         data: The data.
         marks: Line and column of every part; empty for data that came from no text.
+        shifts: For a text in quotes, how far behind its mark it begins; None for one of several lines.
     """
 
     path: str
     data: Data
     marks: Mapping[Place, Mark]
+    shifts: Mapping[Place, int | None] = field(default_factory=dict)
 
     def mark(self, place: Place) -> Mark:
         """The mark of a part, or of the nearest part around it that has one."""
@@ -52,7 +53,9 @@ class Document:
                 return mark
         return Mark(1, 1, 1, 1)
 
-    def problem(self, place: Place, message: str, hint: str = "", *, at_key: bool = False) -> Problem:
+    def problem(
+        self, place: Place, message: str, hint: str = "", *, at_key: bool = False, offset: int | None = None
+    ) -> Problem:
         """A complaint about a part of this document.
 
         Args:
@@ -60,9 +63,13 @@ class Document:
             message: What was found; what is allowed.
             hint: What was probably meant.
             at_key: Point at the key instead of the value.
+            offset: Point at this character of the value, from 0.
         """
         mark = self.mark(place)
         line, column = (mark.key_line, mark.key_column) if at_key else (mark.line, mark.column)
+        shift = self.shifts.get(place, 0)
+        if offset is not None and shift is not None and place in self.marks:
+            column += offset + shift
         return Problem(self.path, line, column, place_text(place), message, hint)
 
 

@@ -91,6 +91,8 @@ def model_problems(
     for detail in details:
         by_place.setdefault(_place(detail, data), []).append(detail)
     for place, group in by_place.items():
+        if group[0]["type"] == "missing":
+            findings.extend(_misspelt(document, model, data, at, place))
         # One branch of a union may refuse the type where another takes it and complains about the inside.
         deeper = any(other != place and other[: len(place)] == place for other in by_place)
         if not (deeper and _is_wrong_type(group)):
@@ -98,6 +100,23 @@ def model_problems(
                 _finding(document, model, at, place, [_as_written(d, data, place) for d in group])
             )
     return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
+
+
+def _misspelt(
+    document: Document, model: type[BaseModel], data: Data, at: Place, place: Place
+) -> Iterator[Finding]:
+    """Where further keys are allowed: the one that was probably meant by a missing key."""
+    around = model_at(model, place[:-1])
+    if around is None or around.model_config.get("extra") != "allow":
+        return
+    for part in place[:-1]:
+        data = data[part]  # type: ignore[index]  # the place of a complaint exists, but for its last part
+    keys = _keys(around)
+    for key in data if isinstance(data, dict) else ():
+        if key not in keys and suggest(key, keys) == suggest(str(place[-1]), [str(place[-1])]):
+            message = f"unknown key '{key}'; allowed: {listing(sorted(keys))}"
+            problem = document.problem((*at, *place[:-1], key), message, suggest(key, keys), at_key=True)
+            yield Finding((*at, *place[:-1], key), "extra_forbidden", problem)
 
 
 def _place(detail: Mapping[str, Any], data: Data) -> Place:

@@ -10,6 +10,7 @@ import pytest
 
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
 from circuitkit.circuit.models import NEURON_MODEL_NAMES
+from circuitkit.circuit.models import NEURON_MODEL_NAMES
 from circuitkit.errors import InputError, UnknownNameError
 
 BASE = """\
@@ -98,24 +99,25 @@ ERRORS = [
      "missing key 'timing'; required: circuit, control_step, timing"),
     ("timing: ordered", "timings: ordered", "¦timings",
      "timings: unknown key 'timings'; allowed: circuit, control_step, description, include, inputs, "
-     "neurons, outputs, parameters, synapses, timing; did you mean 'timing'?"),
+     "neuron_models, neurons, outputs, parameters, populations, projections, seed, substeps, synapse_models, "
+     "synapses, timing; did you mean 'timing'?"),
     ("slope: 500", "slop: 500", "  ¦lf",
      "neurons.lf: missing key 'slope'; required by sigmoid: model, role, slope, shift"),
     ("slope: 500", "slop: 500", "  lf: {model: sigmoid, role: inhibitory, ¦slop",
-     "neurons.lf.slop: unknown key 'slop' for the model sigmoid; allowed: description, model, role, "
-     "shift, slope; did you mean 'slope'?"),
+     "neurons.lf.slop: unknown key 'slop' for the model sigmoid; allowed: description, initial, model, "
+     "noise, role, shift, slope; did you mean 'slope'?"),
     ("role: inhibitory, ", "", "  ¦lf",
      "neurons.lf: missing key 'role'; required: model, role"),
     ("weight: 1}", "wieght: 1}", "  - {from: load, to: lf, ¦wieght",
-     "synapses[0].wieght: unknown key 'wieght'; allowed: description, from, to, weight; did you mean "
-     "'weight'?"),
+     "synapses[0].wieght: unknown key 'wieght'; allowed: delay, description, from, gate, kind, model, to, "
+     "weight; did you mean 'weight'?"),
     ("weight: 1}", "wieght: 1}", "  - ¦{from: load",
      "synapses[0]: missing key 'weight'; required: from, to, weight"),
     ("range: [-1, 1]", "rnage: [-1, 1]", "  ¦load",
      "inputs.load: missing key 'range'; required: unit, range"),
     ("shift: 0.1", "shift: 0.1, description: left foot, alone", "  lf: {model: sigmoid, role: inhibitory, slope: 500, shift: 0.1, description: left foot, ¦alone",
-     "neurons.lf.alone: unknown key 'alone' for the model sigmoid; allowed: description, model, role, "
-     "shift, slope; inside braces, put a text that contains a comma in quotes"),
+     "neurons.lf.alone: unknown key 'alone' for the model sigmoid; allowed: description, initial, model, "
+     "noise, role, shift, slope; inside braces, put a text that contains a comma in quotes"),
     # the text
     ("  q: {model", "  lf: {model", "  ¦lf: {model: sigmoid, role: excitatory",
      "neurons.lf: duplicate key 'lf', first on line 11; allowed: each key once"),
@@ -188,7 +190,7 @@ ERRORS = [
     ("leak: 5 %", "leak: 5 mm", "leak: ¦5 mm",
      "outputs.roll.integrate.leak: found 5 mm (length); allowed: a number without unit, since it is a "
      "part of the output"),
-    ("edge: 80 mm", "edge: 80 mmm", "edge: ¦80 mmm",
+    ("edge: 80 mm", "edge: 80 mmm", "edge: 80 ¦mmm",
      f"parameters.edge: unknown unit 'mmm'; allowed: {UNITS}; did you mean 'mm'?"),
     ("shift: edge", "shift: edge - w", "shift: ¦edge - w",
      "neurons.q.shift: found 'edge - w', which joins length and angle; allowed: sums of the same dimension"),
@@ -331,7 +333,8 @@ def test_parameters_can_be_given_another_value():
     assert resolve(spec).neurons[1].parameters["shift"] == 0.08
     with pytest.raises(UnknownNameError) as unknown:
         resolve(spec, {"edg": "70 mm"})
-    assert str(unknown.value) == "unknown parameter 'edg'; allowed: edge, w; did you mean 'edge'?"
+    assert str(unknown.value).startswith("unknown name 'edg'; allowed: edge, w, zmp.range.0, zmp.range.1, ")
+    assert str(unknown.value).endswith("; did you mean 'edge'?")
     with pytest.raises(InputError) as caught:
         resolve(spec, {"edge": "70"})
     assert str(caught.value) == (

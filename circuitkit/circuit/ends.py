@@ -1,0 +1,78 @@
+"""What synapses and readouts can be attached to: inputs, neurons, populations and their members."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from circuitkit.circuit.graph import InputNode, Neuron, Population, Role
+from circuitkit.circuit.items import Item
+from circuitkit.circuit.models import NeuronModel
+from circuitkit.circuit.scope import Located, Scope
+from circuitkit.source import Place
+from circuitkit.units import DIMENSIONLESS, Unit
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """One end of a synapse or projection.
+
+    Attributes:
+        name: Its name in the whole circuit.
+        unit: The unit of what it sends out: that of an input; outputs of neurons have none.
+        role: Of a neuron; None for an input.
+        model: Of a neuron; None for an input.
+        activation: Unit of a neuron's activation; None for an input.
+        size: Number of members.
+        is_population: Whether it is a whole population.
+    """
+
+    name: str
+    unit: Unit
+    role: Role | None = None
+    model: NeuronModel | None = None
+    activation: Unit = DIMENSIONLESS
+    size: int = 1
+    is_population: bool = False
+
+
+@dataclass
+class Nodes:
+    """The nodes of a circuit that could be resolved, by their names in the whole circuit."""
+
+    inputs: dict[str, InputNode] = field(default_factory=dict)
+    neurons: dict[str, Neuron] = field(default_factory=dict)
+    populations: dict[str, Population] = field(default_factory=dict)
+    _ends: dict[str, End] = field(default_factory=dict)
+
+    def end(self, name: str) -> End | None:
+        """An input, neuron or population by its name in the whole circuit; None if it is unsound."""
+        if name not in self._ends:
+            if name in self.neurons:
+                neuron = self.neurons[name]
+                end = End(name, DIMENSIONLESS, neuron.role, neuron.model, neuron.activation_unit)
+            elif name in self.inputs:
+                end = End(name, self.inputs[name].unit)
+            elif name in self.populations:
+                each = self.populations[name]
+                unit = each.activation_unit
+                end = End(name, DIMENSIONLESS, each.role, each.model, unit, each.size, is_population=True)
+            else:
+                return None
+            self._ends[name] = end
+        return self._ends[name]
+
+    def located(self, scope: Scope, item: Item[Any], place: Place, located: Located, *, at_key: bool = False) -> End | None:
+        """What a name stands for; None if it is unsound, and after complaining about a member that is none."""
+        if located.kind != "member":
+            return self.end(located.name)
+        population = self.populations.get(located.name.rpartition("[")[0])
+        if population is None:
+            return None
+        if located.member >= population.size:
+            allowed = f"{population.name}[0] to {population.name}[{population.size - 1}]"
+            message = f"found '{located.name}', but the population has {population.size} members; allowed: {allowed}"
+            scope.errors.append(item.problem(place, message, at_key=at_key))
+            return None
+        unit = population.activation_unit
+        return End(located.name, DIMENSIONLESS, population.role, population.model, unit)

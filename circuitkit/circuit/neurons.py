@@ -1,0 +1,155 @@
+"""Entries of `neurons` to `Neuron`: the model's parameters, start and noise, with their units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from circuitkit.circuit.declared_models import DeclaredModels, Reader, check_order, written_parameters
+from circuitkit.circuit.expression import SCALAR_FUNCTIONS
+from circuitkit.circuit.graph import Neuron
+from circuitkit.circuit.items import Item
+from circuitkit.circuit.measures import Measure, array_functions
+from circuitkit.circuit.models import ModelParameter, ModelState, NeuronModel, SynapseModel
+from circuitkit.circuit.scope import Scope
+from circuitkit.errors import listing, suggest
+from circuitkit.source import Place
+from circuitkit.units import DIMENSIONLESS, Dimension, Unit
+
+
+def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
+    """The neurons that a scope declares, as far as they are sound."""
+    for name, item in scope.neurons.items():
+        model = models.neuron(item)
+        if model is None:
+            continue
+        unit, parameters = neuron_parameters(scope, item, model, _reader(scope, item))
+        yield Neuron(
+            name=scope.prefix + name,
+            model=model,
+            role=item.spec.role,
+            parameters=parameters,
+            activation_unit=unit,
+            description=item.spec.description,
+            initial=neuron_start(scope, item, model, unit, parameters, _reader(scope, item)),
+            noise=neuron_noise(scope, item, unit, _reader(scope, item)),
+            origin=item.origin,
+        )
+
+
+def _reader(scope: Scope, item: Item[Any]) -> Reader:
+    def read(place: Place, value: object) -> Measure | None:
+        quantity = scope.value(item, place, value)
+        return None if quantity is None else Measure(quantity.value_si, quantity.unit)
+
+    return read
+
+
+def neuron_parameters(
+    scope: Scope, item: Item[Any], model: NeuronModel, read: Reader
+) -> tuple[Unit, dict[str, Any]]:
+    """The unit of the activation, and a value for every parameter of the model, [SI]."""
+    written = written_parameters(scope, item, model, read)
+    unit = _activation_unit(model, written)
+    for parameter in model.parameters:
+        if parameter.name in written:
+            dimension = parameter.unit_rule.dimension(unit.dimension)
+            wanted = shown_unit(parameter, dimension, unit)
+            reason = because(parameter, unit)
+            scope.fits(item, (parameter.name,), as_found(written[parameter.name]), wanted, reason)
+    check_order(scope, item, model, written)
+    values: dict[str, Any] = {each.name: each.default or 0.0 for each in model.parameters}
+    return unit, values | {name: measure.value for name, measure in written.items()}
+
+
+def _activation_unit(model: NeuronModel, written: Mapping[str, Measure]) -> Unit:
+    """The unit of the activation: the model's; that of a parameter that has it; the reciprocal of one with that."""
+    if model.activation is not None:
+        return model.activation
+    for power in (1, -1):
+        for parameter in model.parameters:
+            rule = parameter.unit_rule
+            if rule.activation == power and not any(rule.fixed) and parameter.name in written:
+                unit = written[parameter.name].unit
+                return unit if power == 1 else Dimension().times(unit.dimension, -1).si_unit
+    for parameter in model.parameters:
+        power, fixed = parameter.unit_rule.activation, parameter.unit_rule.fixed
+        if power in {1, -1} and any(fixed) and parameter.name in written:
+            rest = written[parameter.name].dimension.times(fixed, -1)
+            return Dimension().times(rest, power).si_unit
+    return DIMENSIONLESS
+
+
+def shown_unit(entry: ModelParameter | ModelState, dimension: Dimension, activation: Unit) -> Unit:
+    """The unit in which a parameter or state is shown: its own, else the activation's, else that of SI."""
+    if entry.unit is not None and entry.unit.dimension == dimension:
+        return entry.unit
+    return activation if dimension == activation.dimension else dimension.si_unit
+
+
+def because(entry: ModelParameter | ModelState, activation: Unit) -> str:
+    """Why a parameter or state has its dimension."""
+    if entry.unit_rule.activation:
+        return f"the activation is {in_unit(activation)}"
+    return f"{entry.name} is {in_unit(entry.unit) if entry.unit else entry.unit_rule.fixed}"
+
+
+def in_unit(unit: Unit) -> str:
+    """`in mm`, or `dimensionless`."""
+    return f"in {unit}" if any(unit.dimension) else "dimensionless"
+
+
+def as_found(measure: Measure) -> Any:  # noqa: ANN401 - a quantity, or a measure with an array
+    """A measure as it is named in messages: a quantity if it is one number."""
+    return measure.as_quantity() if isinstance(measure.value, int | float) else measure
+
+
+def start(
+    model: NeuronModel | SynapseModel, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The start of every state of a model by its own declaration, [SI].
+
+    Args:
+        model: The model.
+        values: What the declaration may name: the parameters, for a synapse also its weight, [SI].
+    """
+    if not model.states:
+        return {}
+    is_scalar = all(isinstance(value, int | float) for value in values.values())
+    functions: Mapping[str, Callable[..., Any]] = SCALAR_FUNCTIONS if is_scalar else array_functions()
+    return {state.name: state.initial.evaluate(values, functions) for state in model.states}
+
+
+def neuron_start(
+    scope: Scope, item: Item[Any], model: NeuronModel, unit: Unit, parameters: Mapping[str, Any], read: Reader
+) -> dict[str, Any]:
+    """The start of every state of a neuron or population: as the entry says, else as the model does, [SI]."""
+    states = {state.name: state for state in model.states}
+    for name in item.spec.initial:
+        if name not in states:
+            message = f"unknown state '{name}' of the model {model.name}; allowed: {listing(states)}"
+            scope.errors.append(item.problem(("initial", name), message, suggest(name, states), at_key=True))
+    initial = start(model, parameters)
+    for name, state in states.items():
+        place = ("initial", name)
+        if name not in item.spec.initial and not scope.is_given(item, place):
+            continue
+        value = read(place, item.spec.initial.get(name))
+        wanted = shown_unit(state, state.unit_rule.dimension(unit.dimension), unit)
+        if value is not None and scope.fits(item, place, as_found(value), wanted, because(state, unit)):
+            initial[name] = value.value
+    return initial
+
+
+def neuron_noise(scope: Scope, item: Item[Any], unit: Unit, read: Reader) -> Any:  # noqa: ANN401 - number or array
+    """The standard deviation of the noise of a neuron or population, [SI]."""
+    place = ("noise",)
+    if item.spec.noise is None and not scope.is_given(item, place):
+        return 0.0
+    noise = read(place, item.spec.noise)
+    if noise is None or not scope.fits(item, place, as_found(noise), unit, f"the activation is {in_unit(unit)}"):
+        return 0.0
+    lowest = noise.value if isinstance(noise.value, int | float) else noise.value.min()
+    if lowest < 0:
+        scope.errors.append(item.problem(place, f"found {as_found(noise)}; allowed: 0 or more"))
+    return noise.value

@@ -1,0 +1,350 @@
+"""Entries of `synapses` to `Synapse`: ends, weights with unit and sign, parameters, delays and gates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from circuitkit.circuit.checks import rounded_delay
+from circuitkit.circuit.declared_models import DeclaredModels, check_order, written_parameters
+from circuitkit.circuit.ends import End, Nodes
+from circuitkit.circuit.graph import Synapse, SynapseKind
+from circuitkit.circuit.header import Header
+from circuitkit.circuit.items import Item
+from circuitkit.circuit.measures import Measure
+from circuitkit.circuit.models import SynapseModel
+from circuitkit.circuit.neurons import as_found, in_unit, shown_unit, start
+from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.signals import Signals, Term
+from circuitkit.circuit.spec import ProjectionSpec, SynapseSpec
+from circuitkit.source import Place
+from circuitkit.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
+
+_SECOND = parse_unit("s")
+SOURCES, TARGETS = ("input", "neuron", "member"), ("neuron", "member")
+
+
+class Synapses:
+    """The single synapses of a circuit, in the order of the files; each connects two nodes once."""
+
+    def __init__(self, nodes: Nodes, signals: Signals, header: Header | None) -> None:
+        self.nodes = nodes
+        self.signals = signals
+        self.header = header
+        self.first: dict[tuple[str, ...], tuple[Item[SynapseSpec], Scope]] = {}
+        self.found: dict[tuple[object, ...], Synapse] = {}
+
+    def add(self, scope: Scope, models: DeclaredModels) -> None:
+        """Add the synapses that a scope declares, as far as they are sound."""
+        for item in scope.synapses():
+            model = models.synapse(item)
+            source = self._source(scope, item)
+            gate = gate_name(scope, item, model, self.nodes) if model else ""
+            targets = list(self._targets(scope, item, gate))
+            if model is not None:
+                wiring = _Wiring(scope, item, model, gate, self.header)
+                for synapse in wiring.synapses(source, targets):
+                    self._keep(synapse)
+
+    def _source(self, scope: Scope, item: Item[SynapseSpec]) -> tuple[End, Sequence[Term]] | None:
+        """The end that an entry names as its source, and what is sent there; None after complaining."""
+        return source_end(scope, item, self.nodes, self.signals, SOURCES, "an input or a neuron")
+
+    def _targets(self, scope: Scope, item: Item[SynapseSpec], gate: str) -> Iterator[End]:
+        spec = item.spec
+        source = scope.locate(spec.source)
+        source_name = source.name if source else spec.source
+        for place, target in _target_places(item):
+            located = scope.locate(target)
+            if located is None or located.kind not in TARGETS:
+                if located is not None or not scope.is_lost(target):
+                    names = scope.names("neuron")
+                    message, hint = scope.unknown("target", target, "a neuron", names)
+                    scope.errors.append(item.problem(place, message, hint))
+                continue
+            key = (source_name, located.name, spec.model, gate)
+            if key in self.first:
+                where = self.first[key][0].seen_from(item.part)
+                message = f"duplicate synapse {spec.source} -> {target}, first {where}; allowed: each one once"
+                scope.errors.append(item.problem(place, message))
+                continue
+            self.first[key] = (item, scope)
+            if (end := self.nodes.located(scope, item, place, located)) is not None:
+                yield end
+
+    def _keep(self, synapse: Synapse) -> None:
+        """Add a synapse; two that instances' inputs lead between the same nodes become one."""
+        key = (synapse.source, synapse.target, synapse.model.name, synapse.gate, synapse.delay_s, synapse.kind)
+        if (other := self.found.get(key)) is not None:
+            synapse = replace(other, weight=other.weight + synapse.weight)
+        self.found[key] = synapse
+
+
+def source_end(
+    scope: Scope,
+    item: Item[Any],
+    nodes: Nodes,
+    signals: Signals,
+    kinds: Sequence[str],
+    allowed: str,
+) -> tuple[End, Sequence[Term]] | None:
+    """The end that an entry names as its source, and the weighted sum of nodes that it stands for.
+
+    That is the node itself, unless it is an input of an instance that is fed by others.
+    """
+    name = item.spec.source
+    located = scope.locate(name)
+    if located is None or located.kind not in kinds:
+        if located is not None or not scope.is_lost(name):
+            message, hint = scope.unknown("source", name, allowed, scope.names(*kinds))
+            scope.errors.append(item.problem(("from",), message, hint))
+        return None
+    if located.kind == "input":
+        return signals.input(located)
+    end = nodes.located(scope, item, ("from",), located)
+    return None if end is None else (end, (Term(end, 1.0),))
+
+
+def _target_places(item: Item[SynapseSpec]) -> Iterator[tuple[Place, str]]:
+    """The targets of a synapse with their places: one name, or the names of a list."""
+    targets = item.spec.to
+    is_list = len(targets) > 1 or (*item.place, "to", 0) in item.part.document.marks
+    for number, target in enumerate(targets):
+        yield ("to", number) if is_list else ("to",), target
+
+
+def gate_name(scope: Scope, item: Item[Any], model: SynapseModel, nodes: Nodes) -> str:
+    """The neuron that an entry names as its gate, by its name in the whole circuit; empty for none."""
+    gate = item.spec.gate
+    if gate is None:
+        if model.gated:
+            message = f"missing key 'gate'; the model {model.name} needs a neuron as gate"
+            scope.errors.append(item.problem((), message, at_key=True))
+        return ""
+    if not model.gated:
+        message = f"found a gate, but the model {model.name} has none; allowed: no key 'gate', or another model"
+        scope.errors.append(item.problem(("gate",), message, at_key=True))
+        return ""
+    located = scope.locate(gate)
+    if located is None or located.kind not in TARGETS:
+        if located is not None or not scope.is_lost(gate):
+            message, hint = scope.unknown("gate", gate, "a neuron", scope.names("neuron"))
+            scope.errors.append(item.problem(("gate",), message, hint))
+        return ""
+    end = nodes.located(scope, item, ("gate",), located)
+    return end.name if end else ""
+
+
+class _Wiring:
+    """One entry's synapses: everything about it that does not depend on which of its synapses it is."""
+
+    def __init__(
+        self,
+        scope: Scope,
+        item: Item[SynapseSpec],
+        model: SynapseModel,
+        gate: str,
+        header: Header | None,
+    ) -> None:
+        self.scope, self.item, self.model, self.gate, self.header = scope, item, model, gate, header
+
+    def synapses(
+        self, source: tuple[End, Sequence[Term]] | None, targets: Sequence[End]
+    ) -> Iterator[Synapse]:
+        """The synapses; complains about units and signs once."""
+        scope, item, model = self.scope, self.item, self.model
+        weight = scope.value(item, ("weight",), item.spec.weight)
+        parameters = written_parameters(scope, item, model, self._read)
+        delay = delay_s(scope, item)
+        if weight is None or source is None:
+            return
+        end, terms = source
+        for target in targets:
+            if not weight_fits(scope, item, model, Measure(weight.value_si, weight.unit), end, target):
+                return
+            check_parameters(scope, item, model, parameters, weight.unit, end, target)
+            check_reads(scope, item, model, end, target)
+        doubt_delay(scope, item, delay, end, targets, self.header)
+        kind: SynapseKind = item.spec.kind or end.role or "sensorial"
+        check_weight(scope, item, model, weight, kind, end)
+        if len(terms) != 1 or terms[0].factor != 1.0:
+            check_linear(scope, item, model, end)
+        values: dict[str, Any] = {each.name: each.default or 0.0 for each in model.parameters}
+        values |= {name: each.value for name, each in parameters.items()}
+        origin = item.origin
+        for target in targets:
+            for term in terms:
+                through = term.end.name != end.name or term.factor != 1.0
+                scaled = weight.value_si * term.factor
+                yield Synapse(
+                    source=term.end.name,
+                    target=target.name,
+                    weight=scaled,
+                    kind="sensorial" if through else kind,
+                    model=model,
+                    parameters=values,
+                    initial=start(model, {**values, "weight": scaled}) if model.states else {},
+                    delay_s=delay,
+                    gate=self.gate,
+                    origin=origin,
+                )
+
+    def _read(self, place: Place, value: object) -> Measure | None:
+        quantity = self.scope.value(self.item, place, value)
+        return None if quantity is None else Measure(quantity.value_si, quantity.unit)
+
+
+def delay_s(scope: Scope, item: Item[SynapseSpec] | Item[ProjectionSpec]) -> float:
+    """The delay of an entry, [s]."""
+    if item.spec.delay is None:
+        return 0.0
+    delay = scope.value(item, ("delay",), item.spec.delay, _SECOND)
+    if delay is None:
+        return 0.0
+    if delay.value_si < 0:
+        scope.errors.append(item.problem(("delay",), f"found {delay}; allowed: 0 s or more"))
+    return delay.value_si
+
+
+def doubt_delay(
+    scope: Scope, item: Item[Any], delay_s: float, source: End, targets: Sequence[End], header: Header | None
+) -> None:
+    """Doubt a delay that is changed by being rounded to whole steps."""
+    if not delay_s or header is None:
+        return
+    for target in targets:
+        both = all(end.model is not None and end.model.continuous for end in (source, target))
+        changed = rounded_delay(delay_s, header.step_s / header.substeps if both else header.step_s)
+        if changed:
+            scope.warnings.append(item.problem(("delay",), f"found {item.spec.delay}; {changed}"))
+            return
+
+
+def weight_fits(
+    scope: Scope, item: Item[Any], model: SynapseModel, weight: Measure, source: End, target: End
+) -> bool:
+    """Whether a weight has the dimension that its model gives it between two nodes; complains if not."""
+    rule = model.weight.dimension(target.activation.dimension, source.unit.dimension)
+    if weight.dimension == rule:
+        return True
+    reason = f"the activation of {target.name} is {in_unit(target.activation)}"
+    reason += f" and {source.name} is {in_unit(source.unit)}"
+    if any(model.weight.fixed):
+        reason = f"the weight of {model.name} is {_product_text(model)}, and {reason}"
+    unit = target.activation if rule == target.activation.dimension else rule.si_unit
+    return scope.fits(item, ("weight",), as_found(weight), unit, reason)
+
+
+def _product_text(model: SynapseModel) -> str:
+    return f"in {model.weight}"
+
+
+def check_parameters(
+    scope: Scope,
+    item: Item[Any],
+    model: SynapseModel,
+    parameters: Mapping[str, Measure],
+    weight: Unit,
+    source: End,
+    target: End,
+) -> None:
+    """Complain about parameters of a synapse that do not fit its ends and its weight."""
+    for parameter in model.parameters:
+        if parameter.name not in parameters:
+            continue
+        dimension = parameter.unit_rule.dimension(
+            target.activation.dimension, source.unit.dimension, weight.dimension
+        )
+        activation = target.activation if parameter.unit_rule.activation else DIMENSIONLESS
+        wanted = shown_unit(parameter, dimension, activation)
+        if dimension == weight.dimension and parameter.unit_rule.weight:
+            wanted = weight
+        reason = f"{parameter.name} is in {parameter.unit_rule}"
+        scope.fits(item, (parameter.name,), as_found(parameters[parameter.name]), wanted, reason)
+    check_order(scope, item, model, parameters)
+
+
+def check_reads(scope: Scope, item: Item[Any], model: SynapseModel, source: End, target: End) -> None:
+    """Complain about states of the source or target that the synapse's model reads and they do not have."""
+    for name, rule in model.reads.items():
+        side, _, state_name = name.partition("_")
+        end, key = (source, "from") if side == "pre" else (target, "to")
+        wanted = rule.dimension(target.activation.dimension, source.unit.dimension)
+        states = {state.name: state for state in end.model.states} if end.model else {}
+        what = f"the model {end.model.name} of {end.name}" if end.model else f"the input {end.name}"
+        needed = f"the synapse model {model.name} reads the state {state_name} of its {_SIDES[side]}"
+        if state_name not in states:
+            message = f"{needed}, but {what} has none; allowed: a neuron whose model has it"
+            scope.errors.append(item.problem((key,), message))
+            continue
+        found = states[state_name].unit_rule.dimension(end.activation.dimension)
+        if found != wanted:
+            message = f"{needed} in {_symbol(wanted)}, but {what} has it in {_symbol(found)}"
+            scope.errors.append(item.problem((key,), f"{message}; allowed: the same dimension"))
+
+
+_SIDES = {"pre": "source", "post": "target"}
+
+
+def _symbol(dimension: Dimension) -> str:
+    return dimension.si_symbol
+
+
+def check_weight(
+    scope: Scope, item: Item[Any], model: SynapseModel, weight: Quantity, kind: SynapseKind, source: End
+) -> None:
+    """Complain about the sign of a weight, and doubt a weight of zero."""
+    if weight.value_si == 0:
+        message = "found a weight of 0; the synapse has no effect"
+        scope.warnings.append(item.problem(("weight",), message))
+    else:
+        check_sign(scope, item, model, str(weight), (weight.value_si, weight.value_si), kind, source)
+
+
+def check_sign(
+    scope: Scope,
+    item: Item[Any],
+    model: SynapseModel,
+    found: str,
+    extent: tuple[float, float],
+    kind: SynapseKind,
+    source: End,
+) -> None:
+    """Complain about weights, from the smallest to the largest one, of a sign that model or role forbids."""
+    lowest, highest = extent
+    if model.sign == "positive" and lowest < 0:
+        message = f"found {found}; allowed: a positive weight, as the model {model.name} needs"
+        scope.errors.append(item.problem(("weight",), message))
+    elif model.sign == "role" and (
+        (kind == "excitatory" and lowest < 0) or (kind == "inhibitory" and highest > 0)
+    ):
+        sign, other = ("positive", "inhibitory") if kind == "excitatory" else ("negative", "excitatory")
+        allowed = f"a {sign} weight, or the role {other} for {source.name}"
+        message = f"found {found}, but {source.name} is {kind}; allowed: {allowed}"
+        scope.errors.append(item.problem(("weight",), message))
+
+
+def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End) -> None:
+    """Complain about a weighted sum of nodes as the source of a model that takes one source as it is."""
+    if not is_linear(model):
+        message = f"found '{source.name}', which is fed by a weighted sum; the model {model.name} needs one source"
+        allowed = "an input that is fed by one node, without a factor; or a static synapse to a neuron between"
+        scope.errors.append(item.problem(("from",), f"{message}; allowed: {allowed}"))
+
+
+def is_linear(model: SynapseModel) -> bool:
+    """Whether a factor on the source may as well stand on the weight."""
+    from circuitkit.circuit.expression import Number
+    from circuitkit.circuit.symbolic import constant, derivative, simplify, substitute
+
+    if model.states or model.reads:
+        return False
+    current = model.current
+    silent = constant(simplify(substitute(current, {"pre": Number(0.0)})))
+    return (
+        silent == 0.0
+        and "pre" not in derivative(current, "pre").names()
+        and "weight" not in derivative(current, "weight").names()
+        and constant(simplify(substitute(current, {"weight": Number(0.0)}))) == 0.0
+    )
