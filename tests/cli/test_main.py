@@ -15,7 +15,19 @@ import pytest
 import circuitkit as package
 from circuitkit.errors import InputError, Problem, SimulationError
 
-COMMANDS = ("validate", "show", "draw", "run", "schema", "simulate", "compare", "bench")
+COMMANDS = (
+    "init",
+    "validate",
+    "format",
+    "show",
+    "diff",
+    "draw",
+    "run",
+    "schema",
+    "simulate",
+    "compare",
+    "bench",
+)
 MODULE = [sys.executable, "-m", "circuitkit"]
 
 

@@ -1,0 +1,45 @@
+"""`circuitkit init`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def test_a_starter_is_written_and_runs(circuitkit):
+    outcome = circuitkit("init")
+    assert (outcome.code, outcome.out) == (0, "")
+    assert outcome.err == (
+        "wrote circuit.yaml\nwrote circuit.schema.json\n"
+        "next: circuitkit validate circuit.yaml; what else to try stands at the top of the file\n"
+    )
+    assert circuitkit("validate", "circuit.yaml").out == "circuit.yaml: valid\n"
+    assert circuitkit("run", "circuit.yaml", "--steps", "3").code == 0
+
+
+def test_a_file_that_is_there_is_left(circuitkit):
+    Path("mine.yaml").write_text("precious", encoding="utf-8")
+    outcome = circuitkit("init", "mine.yaml")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert outcome.err == "'mine.yaml' exists already; name another file, or overwrite it with --force\n"
+    assert Path("mine.yaml").read_text(encoding="utf-8") == "precious"
+    assert circuitkit("init", "mine.yaml", "--force").code == 0
+
+
+def test_an_unknown_template(circuitkit):
+    outcome = circuitkit("init", "mine.yaml", "--from", "reflx")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert outcome.err.startswith("unknown template 'reflx'; allowed: ")
+    assert not Path("mine.yaml").exists()
+
+
+def test_where_nothing_can_be_written(circuitkit):
+    Path("file").write_text("", encoding="utf-8")
+    outcome = circuitkit("init", "file/mine.yaml")
+    assert outcome.code == 3
+    assert outcome.err.startswith("cannot write 'file/mine.yaml': ")
+    Path("folder.yaml").mkdir()
+    outcome = circuitkit("init", "folder.yaml")
+    assert (outcome.code, outcome.err) == (
+        3,
+        "cannot write 'folder.yaml': it is a folder; name a file in it\n",
+    )
