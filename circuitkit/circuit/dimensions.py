@@ -87,8 +87,8 @@ def dimension_of(expression: Expression, names: Mapping[str, OpenDimension]) -> 
         ExpressionError: It joins what does not fit together; its `offset` says where.
     """
     match expression:
-        case Number(value=value):
-            return NO_DIMENSION if value else None
+        case Number(value=value, unit=unit):
+            return OpenDimension(unit.dimension) if value or any(unit.dimension) else None
         case Name(name=name):
             return names[name]
         case Unary(operand=operand):

@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeAlias
 
-from circuitkit.errors import ExpressionError, listing, suggest
+from circuitkit.errors import ExpressionError, UnitError, listing, suggest
+from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, Unit, parse_quantity, parse_unit
 
 # Whatever a caller computes with: floats, arrays or symbols. Only the arithmetic operators are asked of it.
 Value: TypeAlias = Any
@@ -121,6 +122,11 @@ _SYMBOL_OF_NODE: Mapping[type[ast.AST], str] = {
 }
 _ALLOWED = "allowed: numbers, names, + - * / ^ < <= > >= and functions"
 
+_NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?")
+_UNIT = re.compile(r"\s*(?P<over>/\s*)?(?P<symbol>[A-Za-z]+)(?:\s*\^\s*-?\d)?(?![\w(.])")
+_FURTHER_UNIT = re.compile(r"\s*[*/]\s*(?P<symbol>[A-Za-z]+)(?:\s*\^\s*-?\d)?(?![\w(.])")
+_FIRST_STAND_IN = 0x4E00  # names from one letter that nobody writes, for quantities
+
 # How tightly each kind of node binds, to print no more parentheses than it takes.
 _COMPARISON, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(6)
 _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "**": _POWER}
@@ -161,9 +167,15 @@ class Expression(ABC):
 
 @dataclass(frozen=True)
 class Number(Expression):
-    """A number."""
+    """A number.
+
+    Attributes:
+        value: The number, [SI].
+        unit: The unit that stood behind it, which `value` contains.
+    """
 
     value: float
+    unit: Unit = field(default=DIMENSIONLESS, compare=False, repr=False)
 
     def names(self) -> frozenset[str]:
         """No names."""
@@ -274,7 +286,7 @@ class Call(Expression):
         return f"{self.function}({', '.join(str(argument) for argument in self.arguments)})"
 
 
-def parse_expression(text: str, names: Iterable[str]) -> Expression:
+def parse_expression(text: str, names: Iterable[str], *, units: bool = False) -> Expression:
     """Read an expression such as `sigmoid(slope * (A - shift))`; `^` and `**` are both powers.
 
     The constant `pi` may be used, unless the name means something else here.
@@ -282,6 +294,7 @@ def parse_expression(text: str, names: Iterable[str]) -> Expression:
     Args:
         text: The expression.
         names: The names that may occur.
+        units: Whether numbers may have a unit directly behind them, such as `40 mV`.
 
     Raises:
         ExpressionError: It is no expression, or uses a name or a function that is not allowed; its `offset`
@@ -290,7 +303,7 @@ def parse_expression(text: str, names: Iterable[str]) -> Expression:
     if len(text) > _MAX_LENGTH:
         message = f"found an expression of {len(text)} characters; allowed: {_MAX_LENGTH}"
         raise ExpressionError(message)
-    source = _Source(text, frozenset(names))
+    source = _Source(text, frozenset(names), units=units)
     try:
         tree = ast.parse(source.python, mode="eval")
         return _convert(tree.body, source)
@@ -303,13 +316,52 @@ def parse_expression(text: str, names: Iterable[str]) -> Expression:
 
 
 class _Source:
-    """An expression as written and as Python has it, with the names that may occur."""
+    """An expression as written and as Python has it, with the names and quantities that may occur."""
 
-    def __init__(self, text: str, names: frozenset[str]) -> None:
+    def __init__(self, text: str, names: frozenset[str], *, units: bool) -> None:
         self.names = names
-        self._text = text
+        self.quantities = {
+            name: Quantity(value, DIMENSIONLESS) for name, value in CONSTANTS.items() if name not in names
+        }
+        self._written: dict[str, str] = {}
+        self._text = self._with_stand_ins(text) if units else text
         self._start = len(text) - len(text.lstrip())
-        self.python = re.sub(r"\s", " ", text.strip()).replace("^", "**")
+        self.python = re.sub(r"\s", " ", self._text.strip()).replace("^", "**")
+
+    def _with_stand_ins(self, text: str) -> str:
+        """The text with a name in the place of every quantity, letter for letter."""
+        pieces, position = [], 0
+        for match in _NUMBER.finditer(text):
+            end = self._end_of_unit(text, match.end())
+            if end > match.end():
+                written = text[match.start() : end]
+                name = chr(_FIRST_STAND_IN + len(self._written)).ljust(len(written), "_")
+                self._written[name] = written
+                self.quantities[name] = parse_quantity(written)
+                pieces += [text[position : match.start()], name]
+                position = end
+        return "".join((*pieces, text[position:]))
+
+    def _end_of_unit(self, text: str, start: int) -> int:
+        """Where the unit behind a number ends; where the number does if there is none."""
+        end, pattern = start, _UNIT
+        while (match := pattern.match(text, end)) is not None and match["symbol"] not in self.names:
+            if match["symbol"] not in UNIT_SYMBOLS:
+                if end == start and not match["over"]:
+                    try:
+                        parse_unit(match["symbol"])
+                    except UnitError as error:
+                        raise ExpressionError(str(error), match.start("symbol")) from error
+                break
+            end, pattern = match.end(), _FURTHER_UNIT
+        return end
+
+    def as_written(self, node: ast.expr) -> str:
+        """The text of a node."""
+        text = ast.unparse(node)
+        for name, written in self._written.items():
+            text = text.replace(name, written)
+        return text
 
     def offset(self, column: int) -> int:
         """Where in the text, from 0, a character of the Python expression comes from."""
@@ -334,8 +386,9 @@ def _convert(node: ast.expr, source: _Source, depth: int = 0) -> Expression:
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
             return Number(_finite(value, at), offset=at)
-        case ast.Name(id=name) if name in CONSTANTS and name not in source.names:
-            return Number(CONSTANTS[name], offset=at)
+        case ast.Name(id=name) if name in source.quantities:
+            quantity = source.quantities[name]
+            return Number(quantity.value_si, quantity.unit, offset=at)
         case ast.Name(id=name):
             return Name(_known(name, source.names, "name", at), offset=at)
         case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=operand):
@@ -352,7 +405,7 @@ def _convert(node: ast.expr, source: _Source, depth: int = 0) -> Expression:
                 message = f"found {function} with {len(arguments)} arguments; allowed: {arity}"
                 raise ExpressionError(message, at)
             return Call(function, tuple(inside(argument) for argument in arguments), offset=at)
-    message = f"found '{ast.unparse(node)}'; {_ALLOWED}"
+    message = f"found '{source.as_written(node)}'; {_ALLOWED}"
     raise ExpressionError(message, at)
 
 

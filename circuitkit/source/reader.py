@@ -91,7 +91,7 @@ def scan_text(text: str, path: str) -> tuple[Document | None, list[Problem]]:
         return None, [*builder.problems, _syntax_problem(error, text, path)]
     except _UnreadableError:
         return None, builder.problems
-    return Document(path, data, builder.marks), builder.problems
+    return Document(path, data, builder.marks, builder.shifts), builder.problems
 
 
 def _syntax_problem(error: yaml.MarkedYAMLError, text: str, path: str) -> Problem:
@@ -128,6 +128,7 @@ class _Builder:
     path: str
     text: str
     marks: dict[Place, Mark] = field(default_factory=dict)
+    shifts: dict[Place, int | None] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     anchors: dict[str, _Anchored | None] = field(default_factory=dict)
     size: int = 0
@@ -163,6 +164,8 @@ class _Builder:
         if event.anchor is not None:
             self.anchors[event.anchor] = None
         if isinstance(event, yaml.ScalarEvent):
+            if event.style or at.line != event.end_mark.line:
+                self.shifts[place] = 1 if at.line == event.end_mark.line else None
             data = self.scalar(event, place)
         elif len(place) >= _DEEPEST:
             self.give_up(event, f"found lists or mappings nested too deep; allowed: {_DEEPEST}")

@@ -210,3 +210,41 @@ def test_any_text_is_an_expression_or_refused(text):
     except ExpressionError:
         return
     assert isinstance(tree, Expression)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("40 mV + v", 1.04),
+        ("(v + 1 V) / 5 mV", 400.0),
+        ("2mV", 0.002),
+        ("0.03 /ms * 2", 60.0),
+        ("3 m/s^2 * 2 s", 6.0),
+        ("4 kg*m^2 / v", 4.0),
+        ("2 V / v", 2.0),
+        ("1 / g", 0.5),  # a name goes before a unit
+        ("3 * g", 6.0),
+        ("1e-3 kHz + 1.5e3 ms / 1 s", 2.5),
+    ],
+)
+def test_numbers_may_have_units(text, expected):
+    values = {"v": 1.0, "g": 2.0}
+    assert parse_expression(text, values, units=True).evaluate(values) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "message"),
+    [
+        ("v + 40 mW2", 7, "cannot read the expression 'v + 40 mW2'"),
+        ("v + 40 mv", 7, "unknown unit 'mv'; allowed: 1, %"),
+        ("40 mV + w", 8, "unknown name 'w'; allowed: v"),
+        ("1 + v[40 mV]", 4, "found 'v[40 mV]'; allowed"),
+        ("40 mV v", 6, "cannot read the expression '40 mV v'; allowed"),
+        ("v + A", 4, "unknown name 'A'; allowed: v"),
+    ],
+)
+def test_what_is_wrong_beside_units(text, offset, message):
+    with pytest.raises(ExpressionError) as caught:
+        parse_expression(text, ("v",), units=True)
+    assert str(caught.value).startswith(message)
+    assert caught.value.offset == offset

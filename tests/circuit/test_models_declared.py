@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from circuitkit.circuit.models import read_neuron_model, read_synapse_model
+from circuitkit.circuit.models import read_neuron_model, read_synapse_model, synapse_model
 from circuitkit.circuit.models.model import UnitRule
 from circuitkit.errors import InputError
 from circuitkit.source import parse_yaml
@@ -208,3 +208,42 @@ def test_a_model_that_cannot_change_is_refused():
 def test_the_shortest_model():
     model = read_neuron_model(parse_yaml("half: {output: 0.5}"), ("half",))
     assert (model.name, model.output.evaluate({}), model.continuous) == ("half", 0.5, False)
+
+
+def test_equations_may_have_quantities():
+    text = """m:
+  activation: nA
+  states: {v: {unit: mV, initial: -65 mV}}
+  derivatives: {v: (-65 mV - v + 10 Mohm * A) / 20 ms * exp(-(v + 40 mV) / 5 mV)}
+  output: sigmoid((v + 50 mV) * 0.2 /mV)
+"""
+    model = read_neuron_model(parse_yaml(text), ("m",))
+    assert model.states[0].initial.evaluate({}) == -0.065
+    assert model.derivatives["v"].evaluate({"v": -0.04, "A": 2.5e-9}) == 0
+    assert model.output.evaluate({"v": -0.05}) == 0.5
+    with pytest.raises(InputError) as caught:
+        read_neuron_model(parse_yaml(text.replace("50 mV", "50 ms"), "f.yaml"), ("m",))
+    assert str(caught.value) == (
+        "f.yaml:5:20: m.output: found 'v + 0.05', which joins V and s; allowed: the same on all sides"
+    )
+
+
+def test_equations_in_quotes_have_their_columns():
+    text = 'm:\n  output: "1 + tanH(0)"\n'
+    with pytest.raises(InputError) as caught:
+        read_neuron_model(parse_yaml(text, "f.yaml"), ("m",))
+    assert caught.value.problems[0].column == text.splitlines()[1].index("tanH") + 1
+
+
+@pytest.mark.parametrize(
+    ("current", "plain"),
+    [("weight * pre", False), ("weight * pre * (pre > 0)", False), ("weight * pre * (1 - pre)", True)],
+)
+def test_a_model_is_for_plain_sources_if_it_fits_no_others(current, plain):
+    model = read_synapse_model(parse_yaml(f"m: {{current: {current}}}"), ("m",))
+    assert model.plain_source == plain
+
+
+@pytest.mark.parametrize("name", ["depressing_facilitating", "hebbian", "exponential"])
+def test_shipped_synapses_take_sources_of_any_unit(name):
+    assert not synapse_model(name).plain_source

@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from circuitkit.circuit.dimensions import NO_DIMENSION, OpenDimension, check_dimension, dimension_of
 from circuitkit.circuit.expression import FUNCTION_ARITY, Expression, Number, parse_expression
@@ -32,6 +32,7 @@ class Declaration:
         taken: Names that mean something else, for parameters and states.
         activation: Dimension of the activation, if the model fixes it.
         weight: Dimension of the weight, in a synapse.
+        plain_source: Whether the sources of a synapse are taken as dimensionless.
         dimensions: Of every name that equations may use, as far as known.
         problems: What is wrong.
     """
@@ -42,15 +43,21 @@ class Declaration:
     taken: Collection[str]
     activation: Dimension | None = None
     weight: OpenDimension = NO_DIMENSION
+    plain_source: bool = False
     dimensions: dict[str, OpenDimension] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
+    @property
+    def name(self) -> str:
+        """The last key of the place; empty if the declaration is a document of its own."""
+        return str(self.place[-1]) if self.place else ""
+
     def complain(
-        self, place: Place, message: str, hint: str = "", *, offset: int = 0, at_key: bool = False
+        self, place: Place, message: str, hint: str = "", *, offset: int | None = None, at_key: bool = False
     ) -> None:
         """Note what is wrong at a place inside the declaration, `offset` characters into a text."""
-        problem = self.document.problem((*self.place, *place), message, hint, at_key=at_key)
-        self.problems.append(replace(problem, column=problem.column + offset))
+        at = (*self.place, *place)
+        self.problems.append(self.document.problem(at, message, hint, at_key=at_key, offset=offset))
 
     def finish(self) -> None:
         """Refuse the declaration if anything is wrong with it.
@@ -71,7 +78,8 @@ class Declaration:
 
     def dimension(self, rule: UnitRule) -> OpenDimension:
         """The dimension that a rule means; that of the activation put in if the model fixes it."""
-        found = OpenDimension(rule.fixed, rule.activation, rule.source).times(self.weight, rule.weight)
+        source = 0 if self.plain_source else rule.source
+        found = OpenDimension(rule.fixed, rule.activation, source).times(self.weight, rule.weight)
         if self.activation is None:
             return found
         return OpenDimension(found.fixed.times(self.activation, found.activation), 0, found.source)
@@ -110,7 +118,7 @@ class Declaration:
     def equation(self, place: Place, text: str, names: Iterable[str]) -> Expression:
         """The expression of these names; complains and goes on with zero."""
         try:
-            return parse_expression(text, names)
+            return parse_expression(text, names, units=True)
         except ExpressionError as error:
             self.complain(place, str(error), offset=error.offset)
             return Number(0.0)

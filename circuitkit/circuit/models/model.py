@@ -190,6 +190,7 @@ class SynapseModel:
         reads: Dimension of every state of source or target that the expressions use, such as `post_v`.
         method: How the derivatives are integrated.
         increasing: Names of parameters of which each must be below the next.
+        plain_source: Whether sources must be dimensionless, as neurons are, for the equations to fit.
     """
 
     name: str
@@ -207,6 +208,7 @@ class SynapseModel:
     reads: Mapping[str, UnitRule] = field(default_factory=dict)
     method: Method = "exponential_euler"
     increasing: tuple[str, ...] = ()
+    plain_source: bool = False
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 from circuitkit.circuit.dimensions import NO_DIMENSION, OpenDimension
@@ -32,7 +33,6 @@ from circuitkit.units import Unit
 FormT = TypeVar("FormT", bound=FileModel)
 
 _ACTIVATION_DIMENSION = OpenDimension(activation=1)
-_SOURCE_DIMENSION = OpenDimension(source=1)
 # Keys of neurons and synapses in a circuit file, beside which the parameters stand, and names of equations.
 _KEYS = ("model", "description", "initial")
 _TAKEN_BY_NEURONS = frozenset((*_KEYS, "role", "noise", "size", ACTIVATION, SPIKE, *NEURON_WORDS))
@@ -64,7 +64,7 @@ def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
     _check_kind(declaration, form)
     declaration.finish()
     return NeuronModel(
-        name=str(place[-1]) if place else form.model,
+        name=declaration.name or form.model,
         description=form.description,
         source=form.source,
         parameters=parameters,
@@ -82,13 +82,27 @@ def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
 def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
     """The synapse model declared at a place of a document; the last key of the place is its name.
 
+    The units of its equations should fit whatever the source's is. If they fit only where the source has
+    none, as neurons have none, and its parameters and states do not speak of the source's, the model is for
+    such sources.
+
     Raises:
         InputError: It is no sound declaration; carries every problem, with line and column.
     """
     form = _form(document, place, SynapseForm)
     declaration = Declaration(document, place, SYNAPSE_WORDS[:-1], _TAKEN_BY_SYNAPSES)
+    try:
+        return _synapse_model(declaration, form)
+    except InputError:
+        if any("source" in each.unit for each in (*form.parameters.values(), *form.states.values())):
+            raise
+        declaration = replace(declaration, plain_source=True, dimensions={}, problems=[])
+        return _synapse_model(declaration, form)
+
+
+def _synapse_model(declaration: Declaration, form: SynapseForm) -> SynapseModel:
     weight, _ = declaration.rule(("weight",), form.weight)
-    declaration.weight, declaration.words = declaration.dimension(weight), SYNAPSE_WORDS
+    declaration = replace(declaration, weight=declaration.dimension(weight), words=SYNAPSE_WORDS)
     outer = _outer_names(declaration, form)
     reads = _reads(declaration, form)
     parameters = declaration.parameters(form.parameters)
@@ -105,7 +119,7 @@ def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
     declaration.method(form.method, derivatives, (*outer, *reads, *form.states))
     declaration.finish()
     return SynapseModel(
-        name=str(place[-1]) if place else form.model,
+        name=declaration.name or form.model,
         description=form.description,
         source=form.source,
         parameters=parameters,
@@ -120,6 +134,7 @@ def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
         reads=reads,
         method=form.method,
         increasing=form.increasing,
+        plain_source=declaration.plain_source,
     )
 
 
@@ -175,11 +190,12 @@ def _check_kind(declaration: Declaration, form: NeuronForm) -> None:
 
 def _outer_names(declaration: Declaration, form: SynapseForm) -> tuple[str, ...]:
     """What a synapse sees beside its own states and parameters; their dimensions are known from here on."""
+    source = declaration.dimension(UnitRule("", source=1))
     seen = {POST: NO_DIMENSION, GATE: NO_DIMENSION}
     if form.per == "target":
-        seen |= {INPUT: declaration.weight.times(_SOURCE_DIMENSION)}
+        seen |= {INPUT: declaration.weight.times(source)}
     else:
-        seen |= {WEIGHT: declaration.weight, PRE: _SOURCE_DIMENSION}
+        seen |= {WEIGHT: declaration.weight, PRE: source}
     declaration.dimensions |= seen
     return tuple(seen)
 
