@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,13 +43,19 @@ def compile_circuit(
         step_s=graph.step_s,
         substeps=graph.substeps,
         input_names=tuple(node.name for node in graph.inputs),
-        neuron_names=tuple(neuron.name for neuron in graph.neurons),
+        neuron_names=_neuron_names(graph),
         output_names=tuple(output.name for output in graph.outputs),
         **{field.name: getattr(lowered, field.name) for field in fields(lowered)},
         backend=backend,
         precision=precision,
         reproducible=reproducible,
     )
+
+
+def _neuron_names(graph: CircuitGraph) -> Sequence[str]:
+    names = tuple(neuron.name for neuron in graph.neurons)
+    members = (f"{each.name}[{i}]" for each in graph.populations for i in range(each.size))
+    return (*names, *members)
 
 
 def _as_graph(circuit: CircuitGraph | CircuitSpec | str | Path) -> CircuitGraph:

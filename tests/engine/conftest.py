@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from hypothesis import strategies as st
@@ -13,6 +15,7 @@ from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode
 from circuitkit.circuit.models import neuron_model
 from circuitkit.units import DIMENSIONLESS
 
+sys.path.insert(0, str(Path(__file__).parent))  # for `reference` and `random_circuits`
 TIMINGS: tuple[Timing, ...] = ("as_printed", "synchronous", "ordered")
 
 

@@ -11,18 +11,16 @@ import contextvars
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from circuitkit.engine.backends.numpy_operations import bind_operation
+from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
 from circuitkit.engine.state import FloatArray, State
 
 if TYPE_CHECKING:
     from circuitkit.engine.operations import IndexArray
     from circuitkit.engine.program import Program
-
-Call: TypeAlias = Callable[[], object]
 
 
 def make_kernel(program: Program, batch: int) -> NumpyKernel:
@@ -35,30 +33,42 @@ class NumpyKernel:
 
     def __init__(self, program: Program, batch: int) -> None:
         self.batch = batch
-        self._time = 0
         table = np.zeros((program.n_rows, batch), dtype=program.precision)
         self._table = table
+        self._work = Workspace(table)
+        for memory in program.memories:
+            values = np.zeros((memory.depth, len(memory.sources), batch), dtype=program.precision)
+            self._work.rings[memory.memory] = Ring(values, in_substeps=memory in program.substep)
+        self._substeps = program.substeps
         self.inputs: FloatArray = table[1 : 1 + len(program.input_names)].T
         self._readout = table[slice(*program.readout_rows)]
         self.readout: FloatArray = self._readout.T
         self.readout.flags.writeable = False
-        self._activation_rows = program.activation_rows.copy()
-        self._output_rows = program.output_rows.copy()
-        self._state_rows = program.state_rows.copy()
+        self._activation_rows = program.activation_rows.astype(np.intp)
+        self._output_rows = program.output_rows.astype(np.intp)
+        self._state_rows = program.state_rows.astype(np.intp)
         self._lasting = table[: _lasting(program)].reshape(-1)
-        before, substep, after = (
-            [call for operation in part for call in bind_operation(operation, table)]
-            for part in (program.before, program.substep, program.after)
-        )
-        calls = (*before, *(substep * program.substeps), *after)
         silent = contextvars.copy_context()  # `np.errstate` would cost as much as five operations
         silent.run(np.seterr, all="ignore")
-        self.advance: Callable[[], bool] = partial(silent.run, self._advance, calls)
+        self.advance: Callable[[], bool] = partial(silent.run, self._advance, self._bind(program))
+
+    def _bind(self, program: Program) -> tuple[Call, ...]:
+        before, substep, after = (
+            [
+                call
+                for operation in part
+                for call in bind_operation(operation, self._work, in_substeps=part is program.substep)
+            ]
+            for part in (program.before, program.substep, program.after)
+        )
+        if substep:
+            substep.append(self._work.clock.count_substep)
+        return (*before, *(substep * program.substeps), *after)
 
     def _advance(self, calls: Iterable[Call]) -> bool:
         for call in calls:
             call()
-        self._time += 1
+        self._work.clock.step += 1
         return math.isfinite(np.add.reduce(self._lasting)) or bool(np.isfinite(self._lasting).all())
 
     def load(self, state: State) -> None:
@@ -67,15 +77,24 @@ class NumpyKernel:
         self._table[self._output_rows] = state.output.T
         self._table[self._state_rows] = state.states.T
         self._readout[...] = state.readout.T
-        self._time, self._seed = state.time, state.seed
+        clock = self._work.clock
+        clock.step, clock.substep = state.time, state.time * self._substeps
+        for number, history in enumerate(state.histories):
+            ring = self._work.rings[number]
+            ring.values[ring.order(clock)] = history.transpose(1, 2, 0)
+        for normals in self._work.normals:
+            normals.seed(state.seed)
 
     def store(self, state: State) -> None:
-        """Write the state into the arrays of another one."""
+        """Write the state into the arrays of another one; all but the seeds."""
         state.activation[...] = self._table.take(self._activation_rows, 0).T
         state.output[...] = self._table.take(self._output_rows, 0).T
         state.states[...] = self._table.take(self._state_rows, 0).T
         state.readout[...] = self.readout
-        state.time = self._time
+        state.time = self._work.clock.step
+        for number, history in enumerate(state.histories):
+            ring = self._work.rings[number]
+            history[...] = ring.values[ring.order(self._work.clock)].transpose(2, 0, 1)
 
     def store_output(self, output: FloatArray) -> None:
         """Write the neurons' outputs into an array of shape (B, n_neurons)."""
@@ -94,5 +113,6 @@ class NumpyKernel:
 
 def _lasting(program: Program) -> int:
     """How many rows, from the first, must be finite after a step."""
-    last = (program.readout_rows[1] - 1, *program.state_rows[-1:], *program.output_rows[-1:])
-    return 1 + max(*map(int, last), len(program.input_names))
+    rows = (program.activation_rows, program.output_rows, program.state_rows)
+    last = max((int(each.max()) for each in rows if len(each)), default=0)
+    return max(last + 1, program.readout_rows[1], 1 + len(program.input_names))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron, PerMember, Population
 from circuitkit.circuit.models.model import SPIKE, NeuronModel
+from circuitkit.engine.lowering.names import Listed, Members, Naming, StateNames
 from circuitkit.engine.lowering.order import Order
 from circuitkit.engine.lowering.table import Table
 from circuitkit.engine.state import FloatArray
@@ -84,6 +85,19 @@ class Group:
         """The values of all parameters of the model, [SI]."""
         return {name: self.values(partial(_parameter, name)) for name in self.model.parameter_names}
 
+    def initial(self, state: str) -> FloatArray:
+        """The start of a state, [SI]."""
+        return self.values(partial(_initial, state))
+
+    def namings(self) -> list[tuple[int, int, Naming]]:
+        """Which neurons, from the first on, are called what: offset, number, names."""
+        singles = tuple(block.node.name for block in self.blocks if isinstance(block.node, Neuron))
+        populations = [block for block in self.blocks if isinstance(block.node, Population)]
+        return [
+            (0, len(singles), Listed(singles)),
+            *((block.offset, block.size, Members(block.node.name)) for block in populations),
+        ]
+
     def columns(self) -> npt.NDArray[np.int64]:
         """Index in file order of every neuron, shape (count,)."""
         return np.concatenate([np.arange(block.column, block.column + block.size) for block in self.blocks])
@@ -105,10 +119,13 @@ def make_blocks(graph: CircuitGraph) -> dict[str, Block]:
 
 
 def make_stages(blocks: Mapping[str, Block], order: Order) -> list[list[Group]]:
-    """The groups of every stage of the discrete neurons, and behind them those of the continuous ones."""
+    """The groups of every stage of the discrete neurons, and behind them those of the continuous ones.
+
+    Among the latter those whose method needs the sums more than once are neighbours.
+    """
     stages = [_grouped([blocks[name] for name in names]) for names in order.stages]
     continuous = [block for block in blocks.values() if block.node.model.continuous]
-    return [*stages, _grouped(continuous)]
+    return [*stages, sorted(_grouped(continuous), key=lambda group: group.model.method == "rk4")]
 
 
 def place_groups(groups: Sequence[Group], table: Table) -> None:
@@ -119,16 +136,16 @@ def place_groups(groups: Sequence[Group], table: Table) -> None:
         group.output = group.momentary = table.take(group.count)
 
 
-def place_states(groups: Sequence[Group], table: Table) -> Iterator[tuple[str, int, int]]:
-    """Give the states of all groups their rows; yields what they are called, first rows and counts."""
-    for group in groups:
-        for state in group.model.states:
-            initial = group.values(partial(_initial, state.name))
-            group.states[state.name] = table.take(group.count, initial)
-            yield state.name, group.states[state.name], group.count
-        if group.counts_spikes:
-            group.momentary = table.take(group.count)
-            yield SPIKE, group.momentary, group.count
+def place_states(group: Group, table: Table, names: StateNames) -> None:
+    """Give the states of a group their rows, and spikes theirs where a step counts them."""
+    for state in group.model.states:
+        group.states[state.name] = table.take(group.count, group.initial(state.name))
+        for offset, count, naming in group.namings():
+            names.add(group.states[state.name] + offset, count, naming, state.name)
+    if group.counts_spikes:
+        group.momentary = table.take(group.count)
+        for offset, count, naming in group.namings():
+            names.add(group.momentary + offset, count, naming, SPIKE)
 
 
 def _grouped(blocks: Sequence[Block]) -> list[Group]:

@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
-from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine.lowering.cells import (
-    Group,
-    make_blocks,
-    make_stages,
-    place_groups,
-    place_states,
-)
+from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
+from circuitkit.circuit.models import SynapseModel
+from circuitkit.engine.lowering.cells import Group, make_blocks, make_stages, place_groups, place_states
 from circuitkit.engine.lowering.maps import copy_rows
-from circuitkit.engine.lowering.neurons import discrete_step
+from circuitkit.engine.lowering.names import StateNames
+from circuitkit.engine.lowering.neurons import (
+    begin_count,
+    begin_outputs,
+    continuous_step,
+    discrete_step,
+    noise,
+)
 from circuitkit.engine.lowering.order import make_order
 from circuitkit.engine.lowering.plan import Plan
 from circuitkit.engine.lowering.readout import read_out
 from circuitkit.engine.lowering.sources import Sources
-from circuitkit.engine.lowering.sums import Term, Terms, ranges
+from circuitkit.engine.lowering.sums import Arrivals, Matrix, Term
+from circuitkit.engine.lowering.synapses import (
+    Bundle,
+    ProjectedSynapses,
+    SingleSynapses,
+    make_bundle,
+    only_weighs,
+)
 from circuitkit.engine.lowering.table import Table
 from circuitkit.engine.operations import IndexArray, Operation
 from circuitkit.engine.state import FloatArray
@@ -41,7 +50,7 @@ class Lowered:
     output_rows: IndexArray
     readout_rows: tuple[int, int]
     state_rows: IndexArray
-    state_names: tuple[str, ...]
+    state_names: Sequence[str]
 
 
 def lower(graph: CircuitGraph) -> Lowered:
@@ -49,25 +58,34 @@ def lower(graph: CircuitGraph) -> Lowered:
     plan = _plan(graph)
     groups = [*chain(*plan.stages), *plan.continuous]
     readout = plan.table.take(len(graph.outputs))
-    states = list(place_states(groups, plan.table))
+    names = StateNames()
+    for group in groups:
+        place_states(group, plan.table, names)
+        begin_outputs(plan, group)
     sources = Sources(plan)
-    terms = Terms(list(_terms(plan, sources)))
-    before = [operation for stage in plan.stages for operation in _stage(plan, stage, terms)]
-    after = list(read_out(plan, readout))
+    bundles = list(_bundles(plan, sources))
+    for bundle in bundles:
+        bundle.place(names)
+    arrivals = Arrivals(list(_terms(plan, sources, bundles)), list(_matrices(plan, sources, bundles)))
+    before = list(_before(plan, bundles, arrivals))
+    substep = list(_substep(plan, bundles, arrivals)) if plan.continuous else []
+    after = [
+        *(operation for bundle in bundles if not bundle.runs_in_substeps for operation in bundle.progress()),
+        *(operation for bundle in bundles for operation in bundle.update()),
+        *read_out(plan, readout),
+    ]
     activation_rows, output_rows = _neuron_rows(groups)
     return Lowered(
+        before=(*sources.copies(), *sources.recalls("before"), *before),
+        substep=(*sources.recalls("substep"), *substep, *sources.remembers("substep")),
+        after=(*sources.recalls("after"), *after, *sources.remembers("after")),
         n_rows=plan.table.n_rows,
-        before=(*sources.copies(), *before),
-        substep=(),
-        after=tuple(after),
         initial=plan.table.initial(),
         activation_rows=activation_rows,
         output_rows=output_rows,
         readout_rows=(readout, readout + len(graph.outputs)),
-        state_rows=np.concatenate(
-            [np.empty(0, np.int32), *(np.arange(row, row + n, dtype=np.int32) for _, row, n in states)]
-        ),
-        state_names=tuple(name for name, _, n in states for _ in range(n)),
+        state_rows=names.rows(),
+        state_names=names,
     )
 
 
@@ -80,45 +98,108 @@ def _plan(graph: CircuitGraph) -> Plan:
     *stages, continuous = make_stages(blocks, order)
     place_groups([*chain(*stages), *continuous], table)
     count = sum(group.count for stage in stages for group in stage)
-    pending = table.take(count) - stages[0][0].activation if order.outputs_first else 0
+    pending = table.take(count) - stages[0][0].activation if order.outputs_first and count else 0
     return Plan(graph, table, inputs, blocks, stages, continuous, order, pending)
 
 
 def _edges(graph: CircuitGraph, discrete: set[str]) -> Iterator[tuple[str, str]]:
     """Pairs of discrete nodes of which one sees the other without a delay."""
-    for synapse in (*graph.synapses, *graph.projections):
-        source, target = _node(synapse.source, discrete), _node(synapse.target, discrete)
-        if source in discrete and target in discrete:
-            yield source, target
+    synapses: Iterable[Synapse | Projection] = (*graph.synapses, *graph.projections)
+    for synapse in synapses:
+        target = _node(synapse.target, discrete)
+        seen = [synapse.gate] if round(synapse.delay_s / graph.step_s) else [synapse.source, synapse.gate]
+        for name in seen:
+            source = _node(name, discrete)
+            if source in discrete and target in discrete:
+                yield source, target
 
 
 def _node(name: str, nodes: set[str]) -> str:
     return name if name in nodes else name.rpartition("[")[0]
 
 
-def _terms(plan: Plan, sources: Sources) -> Iterator[Term]:
-    """The terms of single synapses: those from neurons in file order, then those from inputs in file order."""
-    columns = {name: -len(plan.inputs) + i for i, name in enumerate(plan.inputs)}
-    n = sum(block.size for block in plan.blocks.values())
+def _bundles(plan: Plan, sources: Sources) -> Iterator[Bundle]:
+    """Synapses that do more than weigh: single ones by model and stage of their targets, and projections."""
+    stage_of = {id(group): i for i, stage in enumerate(plan.stages) for group in stage}
+    alike: dict[tuple[SynapseModel, int], list[Synapse]] = {}
     for synapse in plan.graph.synapses:
-        target, member = plan.find(synapse.target)
-        if synapse.source in columns:
-            rank = n + len(plan.inputs) + columns[synapse.source]
-        else:
-            source, place = plan.find(synapse.source)
-            rank = source.column + place
-        row = sources.row(synapse.source, target)
-        yield Term(target.activation + member + plan.pending, rank, row, synapse.weight)
+        if not only_weighs(synapse.model):
+            target, _ = plan.find(synapse.target)
+            alike.setdefault((synapse.model, stage_of.get(id(target.group), -1)), []).append(synapse)
+    for synapses in alike.values():
+        yield SingleSynapses(plan, sources, synapses)
+    for projection in plan.graph.projections:
+        if not only_weighs(projection.model) and (
+            len(projection.sources) or projection.model.per == "target"
+        ):
+            yield make_bundle(plan, sources, projection)
 
 
-def _stage(plan: Plan, groups: Sequence[Group], terms: Terms) -> Iterator[Operation]:
-    for start, stop, _ in ranges(groups):
-        yield terms.sum_of(start + plan.pending, stop + plan.pending)
-    for group in groups:
-        yield from discrete_step(plan, group)
-    if plan.pending:
-        count = sum(group.count for group in groups)
-        yield copy_rows(count, groups[0].activation + plan.pending, groups[0].activation)
+def _terms(plan: Plan, sources: Sources, bundles: Sequence[Bundle]) -> Iterator[Term]:
+    """The terms of single synapses: from neurons in file order, from inputs in file order, then from bundles."""
+    n = sum(block.size for block in plan.blocks.values())
+    ranks = {name: n + i for i, name in enumerate(plan.inputs)}
+    for synapse in plan.graph.synapses:
+        if only_weighs(synapse.model):
+            target, member = plan.find(synapse.target)
+            if synapse.source in ranks:
+                rank = ranks[synapse.source]
+            else:
+                source, place = plan.find(synapse.source)
+                rank = source.column + place
+            row = sources.row(synapse.source, target, synapse.delay_s)
+            yield Term(target.activation + member, rank, row, synapse.weight)
+    rank = n + len(plan.inputs)
+    for bundle in bundles:
+        if isinstance(bundle, SingleSynapses):
+            yield from bundle.terms(rank)
+            rank += bundle.count
+
+
+def _matrices(plan: Plan, sources: Sources, bundles: Sequence[Bundle]) -> Iterator[Matrix]:
+    """What projections deliver, in file order."""
+    by_projection = {
+        id(bundle.projection): bundle for bundle in bundles if isinstance(bundle, ProjectedSynapses)
+    }
+    for projection in plan.graph.projections:
+        bundle = by_projection.get(id(projection))
+        if bundle is not None:
+            yield bundle.matrix()
+        elif only_weighs(projection.model):
+            target = plan.blocks[projection.target]
+            base = sources.row(projection.source, target, projection.delay_s)
+            weights = np.asarray(projection.weights, dtype=np.float64)
+            yield Matrix(target, projection.indptr, projection.sources, weights, base)
+
+
+def _before(plan: Plan, bundles: Sequence[Bundle], arrivals: Arrivals) -> Iterator[Operation]:
+    """Discrete neurons, stage after stage; counts of spikes begin anew once these have seen them."""
+    for groups in plan.stages:
+        for bundle in bundles:
+            if not bundle.runs_in_substeps and any(bundle.target.group is group for group in groups):
+                yield from bundle.arrive()
+        yield from arrivals.sums(groups, plan.pending)
+        for group in groups:
+            yield from noise(plan, group, group.activation + plan.pending)
+        for group in groups:
+            yield from discrete_step(plan, group)
+        if plan.pending:
+            start = groups[0].activation
+            yield copy_rows(sum(group.count for group in groups), start + plan.pending, start)
+    for group in plan.continuous:
+        if group.counts_spikes:
+            yield begin_count(group)
+
+
+def _substep(plan: Plan, bundles: Sequence[Bundle], arrivals: Arrivals) -> Iterator[Operation]:
+    """Synapses into continuous neurons, then these neurons."""
+    own = [bundle for bundle in bundles if bundle.runs_in_substeps]
+    for bundle in own:
+        yield from bundle.arrive()
+    yield from arrivals.sums(plan.continuous)
+    for bundle in own:
+        yield from bundle.progress()
+    yield from continuous_step(plan, plan.continuous, arrivals)
 
 
 def _neuron_rows(groups: Sequence[Group]) -> tuple[IndexArray, IndexArray]:

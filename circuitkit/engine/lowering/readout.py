@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import groupby
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from circuitkit.circuit.expression import Binary, Call, Expression, Name
 from circuitkit.circuit.graph import OutputNode
 from circuitkit.engine.lowering.maps import make_map
 from circuitkit.engine.lowering.plan import Plan
-from circuitkit.engine.lowering.sums import frozen_sum
+from circuitkit.engine.lowering.sums import list_sum
 from circuitkit.engine.operations import Operation, Sum
 
 _SUM, _BEFORE, _KEEP, _LOW, _HIGH = (Name(name) for name in ("sum", "before", "keep", "low", "high"))
@@ -37,25 +39,19 @@ def _kind(node: OutputNode) -> tuple[bool, bool]:
 
 
 def _weighted(plan: Plan, outputs: list[OutputNode], start: int) -> Sum:
-    sources: list[np.ndarray] = []
-    weights: list[np.ndarray] = []
-    lengths = [0]
+    sources: list[npt.NDArray[Any]] = []
+    weights: list[npt.NDArray[Any]] = []
+    lengths = []
     for output in outputs:
         length = 0
         for name, weight in output.readout:
             block, member = plan.find(name)
             rows = block.output + (np.arange(block.size) if name == block.node.name else np.array([member]))
-            sources.append(rows.astype(np.int32))
+            sources.append(rows)
             weights.append(np.broadcast_to(np.asarray(weight, dtype=np.float64), rows.shape))
             length += len(rows)
         lengths.append(length)
-    indptr = np.cumsum(lengths, dtype=np.int64)
-    return frozen_sum(
-        start,
-        indptr,
-        np.concatenate([np.empty(0, np.int32), *sources]),
-        np.concatenate([np.empty(0), *weights]),
-    )
+    return list_sum(start, lengths, np.concatenate([[], *sources]), np.concatenate([[], *weights]))
 
 
 def _accumulated(outputs: list[OutputNode], kind: tuple[bool, bool], total: int, row: int) -> Operation:

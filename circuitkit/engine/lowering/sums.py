@@ -1,20 +1,22 @@
-"""What reaches a neuron (eq. 11): one `Sum` for single synapses into neighbouring rows, one for each projection."""
+"""What reaches a neuron (eq. 11): one `Sum` for single synapses into neighbouring rows, one for each matrix."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from circuitkit.circuit.graph import Population
-from circuitkit.engine.lowering.cells import Group
+from circuitkit.engine.lowering.cells import Block, Group
 from circuitkit.engine.operations import Sum
 
+Moved = Callable[[npt.NDArray[np.int32]], npt.NDArray[np.int32]]
 
-@dataclass(frozen=True)
-class Term:
+
+class Term(NamedTuple):
     """One term of a sum.
 
     Attributes:
@@ -30,30 +32,74 @@ class Term:
     weight: float
 
 
-class Terms:
-    """The terms of many sums, sorted by the row of the sum and then by rank."""
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """The terms of the sums of a whole block, as a sparse matrix by rows of targets.
 
-    def __init__(self, terms: Sequence[Term]) -> None:
+    Attributes:
+        target: The block.
+        indptr: As in `Sum`.
+        sources: As in `Sum`, less `base`.
+        weights: As in `Sum`.
+        base: Row to which the sources are counted.
+    """
+
+    target: Block
+    indptr: npt.NDArray[np.int64]
+    sources: npt.NDArray[np.int32]
+    weights: npt.NDArray[np.float64]
+    base: int
+
+
+class Arrivals:
+    """All that is added up to activations: the terms of single synapses by rank, then matrices in their order."""
+
+    def __init__(self, terms: Sequence[Term], matrices: Sequence[Matrix]) -> None:
         targets = np.array([term.target for term in terms], dtype=np.int64)
         ranks = np.array([term.rank for term in terms], dtype=np.int64)
         order = np.lexsort((ranks, targets))
         self._targets = targets[order]
         self._sources = np.array([term.source for term in terms], dtype=np.int32)[order]
         self._weights = np.array([term.weight for term in terms], dtype=np.float64)[order]
+        self._matrices = tuple(matrices)
 
-    def sum_of(self, start: int, stop: int) -> Sum:
-        """The sums of these rows; zero for one that has no terms."""
-        indptr = np.searchsorted(self._targets, np.arange(start, stop + 1)).astype(np.int64)
-        part = slice(int(indptr[0]), int(indptr[-1]))
-        return frozen_sum(start, indptr - indptr[0], self._sources[part], self._weights[part])
+    def sums(
+        self, groups: Sequence[Group], shift: int = 0, moved: Moved = lambda rows: rows
+    ) -> Iterator[Sum]:
+        """The operations that give the activations of groups their values.
 
-    def has_any(self, start: int, stop: int) -> bool:
-        """Whether one of these rows has a term."""
-        begin, end = np.searchsorted(self._targets, (start, stop))
-        return bool(begin < end)
+        Args:
+            groups: Which; neighbours in rows.
+            shift: What is added to the row of an activation to get the row that is written.
+            moved: Says which rows are read instead of the usual ones.
+        """
+        for start, stop in _ranges(groups):
+            begin, end = np.searchsorted(self._targets, (start, stop)).tolist()
+            matrices = [m for m in self._matrices if start <= m.target.activation < stop]
+            begins_with_matrix = begin == end and bool(matrices) and matrices[0].target.size == stop - start
+            if not begins_with_matrix:
+                indptr = np.searchsorted(self._targets, np.arange(start, stop + 1)) - begin
+                sources = moved(self._sources[begin:end])
+                yield _frozen_sum(start + shift, indptr, sources, self._weights[begin:end])
+            for i, matrix in enumerate(matrices):
+                row, base = matrix.target.activation + shift, int(moved(np.array([matrix.base]))[0])
+                add = i > 0 or not begins_with_matrix
+                yield _frozen_sum(row, matrix.indptr, matrix.sources, matrix.weights, add=add, base=base)
 
 
-def frozen_sum(
+def matrix_sum(matrix: Matrix, start: int) -> Sum:
+    """The operation that multiplies by a matrix and writes from a row on."""
+    return _frozen_sum(start, matrix.indptr, matrix.sources, matrix.weights, base=matrix.base)
+
+
+def list_sum(start: int, lengths: Sequence[int], sources: npt.ArrayLike, weights: npt.ArrayLike) -> Sum:
+    """The sums of so many terms each."""
+    indptr = np.concatenate([[0], np.cumsum(lengths)])
+    rows, values = np.asarray(sources, dtype=np.int32), np.asarray(weights, dtype=np.float64)
+    return _frozen_sum(start, indptr, rows, values)
+
+
+def _frozen_sum(
     start: int,
     indptr: npt.NDArray[np.int64],
     sources: npt.NDArray[np.int32],
@@ -62,28 +108,24 @@ def frozen_sum(
     add: bool = False,
     base: int = 0,
 ) -> Sum:
-    """A `Sum` of read-only views of these arrays."""
-    views = [array.view() for array in (indptr, sources, weights)]
-    for view in views:
+    pointers, rows, values = indptr.astype(np.int64, copy=False).view(), sources.view(), weights.view()
+    for view in (pointers, rows, values):
         view.flags.writeable = False
-    return Sum(start, start + len(indptr) - 1, *views, add=add, base=base)
+    return Sum(start, start + len(indptr) - 1, pointers, rows, values, add, base)
 
 
-def ranges(groups: Sequence[Group]) -> Iterator[tuple[int, int, str]]:
-    """Neighbouring activation rows (start, stop) that are summed together: single neurons, or a population.
-
-    The third is the population's name, empty for single neurons.
-    """
+def _ranges(groups: Sequence[Group]) -> Iterator[tuple[int, int]]:
+    """Neighbouring activation rows (start, stop) that are summed together: single neurons, or a population."""
     start = stop = -1
     for group in groups:
         for block in group.blocks:
             end = block.activation + block.size
             if isinstance(block.node, Population):
                 if start >= 0:
-                    yield start, stop, ""
-                yield block.activation, end, block.node.name
+                    yield start, stop
+                yield block.activation, end
                 start = -1
             else:
                 start, stop = (start if start >= 0 else block.activation), end
     if start >= 0:
-        yield start, stop, ""
+        yield start, stop

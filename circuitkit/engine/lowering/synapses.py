@@ -1,0 +1,296 @@
+"""Synapses whose models are more than a weight: bundles of one model that are computed side by side."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from circuitkit.circuit.expression import Binary, Expression, Name
+from circuitkit.circuit.graph import PerMember, Projection, Synapse
+from circuitkit.circuit.models.model import (
+    GATE,
+    INPUT,
+    POST,
+    POST_STATE,
+    PRE,
+    PRE_STATE,
+    WEIGHT,
+    SynapseModel,
+)
+from circuitkit.circuit.symbolic import substitute
+from circuitkit.engine.lowering.cells import Block
+from circuitkit.engine.lowering.maps import make_map
+from circuitkit.engine.lowering.methods import System, advance
+from circuitkit.engine.lowering.names import Connections, Listed, Members, Naming, StateNames
+from circuitkit.engine.lowering.plan import Plan
+from circuitkit.engine.lowering.sources import Sources
+from circuitkit.engine.lowering.sums import Matrix, Term, matrix_sum
+from circuitkit.engine.operations import IndexArray, Map, Operation
+from circuitkit.engine.state import FloatArray
+
+Moment = Literal["arrival", "end"]
+_WEIGHTED = Binary("*", Name(WEIGHT), Name(PRE))
+_ONE = np.array(1.0)
+
+
+def only_weighs(model: SynapseModel) -> bool:
+    """Whether a synapse of this model is just a term of a sum: `weight * pre`."""
+    return not model.states and model.current in {
+        _WEIGHTED,
+        Binary("*", Name(PRE), Name(WEIGHT)),
+        Name(INPUT),
+    }
+
+
+class Bundle(ABC):
+    """Synapses of one model, or the targets for which it keeps states; what each has stands in neighbouring rows.
+
+    Attributes:
+        model: The equations.
+        count: How many.
+        states: First row of every state.
+        delivered: First row of what they deliver.
+        target: Where they lead, or one of the blocks of the stage where they do.
+        runs_in_substeps: Whether they run with their targets in substeps.
+    """
+
+    def __init__(self, plan: Plan, sources: Sources, model: SynapseModel, count: int, target: Block) -> None:
+        self.plan, self.sources = plan, sources
+        self.model, self.count = model, count
+        self.target = target
+        self.runs_in_substeps = target.node.model.continuous
+        self.states: dict[str, int] = {}
+        self.delivered = 0
+
+    def place(self, names: StateNames) -> None:
+        """Give the states and what is delivered their rows."""
+        for state in self.model.states:
+            self.states[state.name] = self.plan.table.take(self.count, self.initial(state.name))
+            names.add(self.states[state.name], self.count, self.naming(), state.name)
+        self.delivered = self.plan.table.take(self.count)
+
+    @abstractmethod
+    def naming(self) -> Naming:
+        """What they are called, such as `a -> b`."""
+
+    @abstractmethod
+    def initial(self, state: str) -> FloatArray:
+        """Start of a state, shape (count,) or ()."""
+
+    @abstractmethod
+    def constants(self) -> dict[str, FloatArray]:
+        """Parameters and weights."""
+
+    @abstractmethod
+    def rows_of(self, name: str, moment: Moment) -> IndexArray:
+        """The rows that `pre`, `post`, `gate` or a state of source or target stand for, shape (count,)."""
+
+    def prepared(self, expression: Expression) -> Expression:
+        """An expression of the model in terms of what the bundle has."""
+        return expression
+
+    def arrive(self) -> Iterator[Operation]:
+        """Jumps, then what is delivered, in every step or substep."""
+        if self.model.jumps:
+            yield self._map([(self.states[name], new) for name, new in self.model.jumps.items()], "arrival")
+        yield self._map([(self.delivered, self.model.current)], "arrival")
+
+    def progress(self) -> Iterator[Operation]:
+        """States advance by their derivatives: in substeps by what arrived, else by the newest outputs."""
+        if self.model.derivatives:
+            moment: Moment = "arrival" if self.runs_in_substeps else "end"
+            slopes = {name: self.prepared(slope) for name, slope in self.model.derivatives.items()}
+            rows, picks = self._rows(list(slopes.values()), moment)
+            dt = self.plan.dt if self.runs_in_substeps else self.plan.graph.step_s
+            constants = self.constants()
+            system = System(self.model.name, self.count, self.states, slopes, rows, picks, constants, dt)
+            yield from advance(system, self.model.method, self.plan.table)
+
+    def update(self) -> Iterator[Operation]:
+        """New values of states once a control step, by the newest outputs."""
+        if self.model.updates:
+            yield self._map([(self.states[name], new) for name, new in self.model.updates.items()], "end")
+
+    def _map(self, results: Sequence[tuple[int, Expression]], moment: Moment) -> Map:
+        prepared = [(row, self.prepared(expression)) for row, expression in results]
+        rows, picks = self._rows([expression for _, expression in prepared], moment)
+        return make_map(self.count, prepared, {**rows, **self.states}, self.constants(), picks)
+
+    def _rows(
+        self, expressions: Sequence[Expression], moment: Moment
+    ) -> tuple[dict[str, int], dict[str, IndexArray]]:
+        """First rows, or all rows where they are no neighbours, of the names that are not the bundle's own."""
+        rows: dict[str, int] = {}
+        picks: dict[str, IndexArray] = {}
+        used = frozenset[str]().union(*(expression.names() for expression in expressions))
+        for name in sorted(used - self.states.keys() - self.constants().keys()):
+            found = self.rows_of(name, moment)
+            if (np.diff(found) == 1).all():
+                rows[name] = int(found[0])
+            else:
+                picks[name] = found
+        return rows, picks
+
+    def _node_row(
+        self, name: str, target: Block, source: str, gate: str, delay_s: float, moment: Moment
+    ) -> int:
+        """First row of what a name stands for, for synapses from a source (its first member) to a target."""
+        if name.startswith(PRE_STATE) and name in self.model.reads:
+            block, member = self.plan.find(source)
+            row = block.state(name.removeprefix(PRE_STATE))
+            if moment == "arrival" and (block.node.name, target.node.name) in self.plan.order.held:
+                row = self.sources.held(row, block.size)
+            return row + member
+        if name.startswith(POST_STATE) and name in self.model.reads:
+            return target.state(name.removeprefix(POST_STATE))
+        if name == POST:
+            return target.momentary if moment == "arrival" else target.output
+        seen, delay_s = (gate, 0.0) if name == GATE else (source, delay_s)
+        if moment == "arrival":
+            return self.sources.row(seen, target, delay_s)
+        return self.sources.newest(seen, delay_s)
+
+
+class SingleSynapses(Bundle):
+    """Single synapses of one model into targets of one stage."""
+
+    def __init__(self, plan: Plan, sources: Sources, synapses: Sequence[Synapse]) -> None:
+        self.synapses = synapses
+        self.targets = [plan.find(synapse.target) for synapse in synapses]
+        super().__init__(plan, sources, synapses[0].model, len(synapses), self.targets[0][0])
+
+    def naming(self) -> Naming:
+        return Listed(tuple(f"{synapse.source} -> {synapse.target}" for synapse in self.synapses))
+
+    def initial(self, state: str) -> FloatArray:
+        return np.array([synapse.initial[state] for synapse in self.synapses])
+
+    def constants(self) -> dict[str, FloatArray]:
+        found = {
+            name: np.array([synapse.parameters[name] for synapse in self.synapses])
+            for name in self.model.parameter_names
+        }
+        return {WEIGHT: np.array([synapse.weight for synapse in self.synapses]), **found}
+
+    def prepared(self, expression: Expression) -> Expression:
+        """With one synapse to a target, `input` is its weight times pre."""
+        return substitute(expression, {INPUT: _WEIGHTED})
+
+    def rows_of(self, name: str, moment: Moment) -> IndexArray:
+        rows = [
+            self._node_row(name, block, synapse.source, synapse.gate, synapse.delay_s, moment)
+            + (member if name == POST or (name.startswith(POST_STATE) and name in self.model.reads) else 0)
+            for synapse, (block, member) in zip(self.synapses, self.targets, strict=True)
+        ]
+        return np.array(rows, dtype=np.int32)
+
+    def terms(self, rank: int) -> Iterator[Term]:
+        """What they deliver as terms of their targets' sums, the first with this rank."""
+        for i, (block, member) in enumerate(self.targets):
+            yield Term(block.activation + member, rank + i, self.delivered + i, 1.0)
+
+
+class ProjectedSynapses(Bundle):
+    """The synapses of a projection, each with states of its own."""
+
+    def __init__(self, plan: Plan, sources: Sources, projection: Projection) -> None:
+        self.projection = projection
+        super().__init__(plan, sources, projection.model, self._size(), plan.blocks[projection.target])
+
+    def _size(self) -> int:
+        return len(self.projection.sources)
+
+    def naming(self) -> Naming:
+        p = self.projection
+        return Connections(p.source, p.target, p.indptr, p.sources)
+
+    def initial(self, state: str) -> FloatArray:
+        return _array(self.projection.initial[state])
+
+    def constants(self) -> dict[str, FloatArray]:
+        found = {name: _array(value) for name, value in self.projection.parameters.items()}
+        return {WEIGHT: _array(self.projection.weights), **found}
+
+    def rows_of(self, name: str, moment: Moment) -> IndexArray:
+        p = self.projection
+        first = self._node_row(name, self.target, p.source, p.gate, p.delay_s, moment)
+        if name == GATE:
+            return np.full(self.count, first, dtype=np.int32)
+        if name == PRE or name.startswith(PRE_STATE):
+            return (p.sources + np.int32(first)).astype(np.int32)
+        members = np.repeat(np.arange(self.target.size, dtype=np.int32), np.diff(p.indptr))
+        return members + np.int32(first)
+
+    def matrix(self) -> Matrix:
+        """What adds up what they deliver."""
+        everything = np.arange(self.count, dtype=np.int32)
+        return Matrix(self.target, self.projection.indptr, everything, _ONE, self.delivered)
+
+
+class ProjectedTargets(ProjectedSynapses):
+    """A projection whose states are kept once for every target, which get sums of weight times pre."""
+
+    def __init__(self, plan: Plan, sources: Sources, projection: Projection) -> None:
+        super().__init__(plan, sources, projection)
+        self._sums: dict[Moment, int] = {}
+
+    def _size(self) -> int:
+        return len(self.projection.indptr) - 1
+
+    def naming(self) -> Naming:
+        return Members(f"{self.projection.source} -> {self.projection.target}")
+
+    def constants(self) -> dict[str, FloatArray]:
+        return {name: _array(value) for name, value in self.projection.parameters.items()}
+
+    def arrive(self) -> Iterator[Operation]:
+        yield self._input("arrival")
+        yield from super().arrive()
+
+    def progress(self) -> Iterator[Operation]:
+        if self.model.derivatives and not self.runs_in_substeps:
+            yield self._input("end")
+        yield from super().progress()
+
+    def update(self) -> Iterator[Operation]:
+        if self.model.updates:
+            yield self._input("end")
+        yield from super().update()
+
+    def rows_of(self, name: str, moment: Moment) -> IndexArray:
+        p = self.projection
+        if name == INPUT:
+            first = self._sums[moment]
+        else:
+            first = self._node_row(name, self.target, p.source, p.gate, p.delay_s, moment)
+        if name == GATE:
+            return np.full(self.count, first, dtype=np.int32)
+        return np.arange(first, first + self.count, dtype=np.int32)
+
+    def matrix(self) -> Matrix:
+        everything = np.arange(self.count, dtype=np.int32)
+        pointers = np.arange(self.count + 1, dtype=np.int64)
+        return Matrix(self.target, pointers, everything, _ONE, self.delivered)
+
+    def _input(self, moment: Moment) -> Operation:
+        if moment not in self._sums:
+            self._sums[moment] = self.plan.table.take(self.count)
+        p = self.projection
+        base = self._node_row(PRE, self.target, p.source, p.gate, p.delay_s, moment)
+        return matrix_sum(
+            Matrix(self.target, p.indptr, p.sources, _array(p.weights), base), self._sums[moment]
+        )
+
+
+def make_bundle(plan: Plan, sources: Sources, projection: Projection) -> ProjectedSynapses:
+    """The bundle of a projection."""
+    kind = ProjectedTargets if projection.model.per == "target" else ProjectedSynapses
+    return kind(plan, sources, projection)
+
+
+def _array(values: PerMember) -> npt.NDArray[np.float64]:
+    return np.asarray(values, dtype=np.float64)
