@@ -36,7 +36,9 @@ class DeclaredModels:
     def __init__(self, scope: Scope) -> None:
         self._scope = scope
         findings = scope.findings
-        self.neurons = _own(scope, "neuron_models", read_neuron_model, NEURON_MODEL_NAMES, findings.neuron_models)
+        self.neurons = _own(
+            scope, "neuron_models", read_neuron_model, NEURON_MODEL_NAMES, findings.neuron_models
+        )
         self.synapses = _own(
             scope, "synapse_models", read_synapse_model, SYNAPSE_MODEL_NAMES, findings.synapse_models
         )
@@ -91,7 +93,9 @@ def _own(
                 scope.lost = scope.lost | {name}
                 continue
             if all_models.setdefault(name, model) != model:
-                message = f"the name '{name}' is taken by another model of the circuit; allowed: each name once"
+                message = (
+                    f"the name '{name}' is taken by another model of the circuit; allowed: each name once"
+                )
                 scope.errors.append(item.problem((), message, at_key=True))
             own[name] = model
     return own
@@ -124,7 +128,10 @@ def written_parameters(
             if (value := read((name,), spec.values.get(name))) is not None:
                 found[name] = value
         elif parameter.default is None:
-            required = (*(key for key, is_required in fields.items() if is_required), *(each.name for each in model.parameters if each.default is None))
+            required = (
+                *(key for key, is_required in fields.items() if is_required),
+                *(each.name for each in model.parameters if each.default is None),
+            )
             message = f"missing key '{name}'; required by {model.name}: {listing(required)}"
             scope.errors.append(item.problem((), message, at_key=True))
     return found

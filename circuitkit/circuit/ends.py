@@ -62,7 +62,9 @@ class Nodes:
             self._ends[name] = end
         return self._ends[name]
 
-    def located(self, scope: Scope, item: Item[Any], place: Place, located: Located, *, at_key: bool = False) -> End | None:
+    def located(
+        self, scope: Scope, item: Item[Any], place: Place, located: Located, *, at_key: bool = False
+    ) -> End | None:
         """What a name stands for; None if it is unsound, and after complaining about a member that is none."""
         if located.kind != "member":
             return self.end(located.name)

@@ -6,10 +6,11 @@ All values are SI floats, every reference is known to exist, and every unit is k
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from circuitkit.circuit.models import STATIC, NeuronModel, SynapseModel
+from circuitkit.circuit.names import Names
 from circuitkit.units import Quantity, Unit
 
 if TYPE_CHECKING:
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-# One value for all members of a population or synapses of a projection, or an array with one for each. In quotes,
-# since a file is checked without numpy.
+# One value for all members of a population or synapses of a projection, or an array with one for each. In
+# quotes, since a file is checked without numpy.
 PerMember: TypeAlias = "float | npt.NDArray[np.float64]"
 
 Timing = Literal["as_printed", "synchronous", "ordered"]
@@ -39,6 +40,33 @@ class Origin:
 
 
 NO_ORIGIN = Origin("", 0, 0)
+
+
+def _same(first: Any, second: Any) -> bool:  # noqa: ANN401 - values, arrays, and mappings and tuples of these
+    """Whether two values are equal, arrays by their elements."""
+    if isinstance(first, Mapping):
+        return (
+            isinstance(second, Mapping)
+            and first.keys() == second.keys()
+            and all(_same(value, second[key]) for key, value in first.items())
+        )
+    if isinstance(first, tuple):
+        return (
+            isinstance(second, tuple)
+            and len(first) == len(second)
+            and all(_same(mine, theirs) for mine, theirs in zip(first, second, strict=True))
+        )
+    if hasattr(first, "shape") or hasattr(second, "shape"):
+        import numpy as np
+
+        return np.array_equal(first, second)
+    return bool(first == second)
+
+
+def _same_fields(first: Any, second: Any) -> bool:  # noqa: ANN401 - dataclasses of one kind
+    return all(
+        _same(getattr(first, each.name), getattr(second, each.name)) for each in fields(first) if each.compare
+    )
 
 
 @dataclass(frozen=True)
@@ -116,7 +144,12 @@ class Population:
     description: str = ""
     initial: Mapping[str, PerMember] = field(default_factory=dict)
     noise: PerMember = 0.0
-    origin: Origin = NO_ORIGIN
+    origin: Origin = field(default=NO_ORIGIN, compare=False)
+
+    def __eq__(self, other: object) -> bool:
+        return _same_fields(self, other) if isinstance(other, Population) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
 
 @dataclass(frozen=True)
@@ -181,10 +214,15 @@ class Projection:
     initial: Mapping[str, PerMember] = field(default_factory=dict)
     delay_s: float = 0.0
     gate: str = ""
-    origin: Origin = NO_ORIGIN
+    origin: Origin = field(default=NO_ORIGIN, compare=False)
+
+    def __eq__(self, other: object) -> bool:
+        return _same_fields(self, other) if isinstance(other, Projection) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OutputNode:
     r"""An output of the circuit: a weighted sum of neuron outputs, optionally accumulated with a leak.
 
@@ -211,6 +249,11 @@ class OutputNode:
     leak: float | None = None
     description: str = ""
     origin: Origin = field(default=NO_ORIGIN, compare=False)
+
+    def __eq__(self, other: object) -> bool:
+        return _same_fields(self, other) if isinstance(other, OutputNode) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]  # it may hold arrays
 
 
 @dataclass(frozen=True)
@@ -245,26 +288,25 @@ class CircuitGraph:
     populations: tuple[Population, ...] = ()
     projections: tuple[Projection, ...] = ()
 
-    def names(self) -> tuple[str, ...]:
-        """Names of inputs, neurons and outputs, in this order; no name occurs twice."""
-        nodes: tuple[InputNode | Neuron | OutputNode, ...] = (*self.inputs, *self.neurons, *self.outputs)
-        return tuple(node.name for node in nodes)
+    @property
+    def neuron_names(self) -> Names:
+        """Names of the neurons and of the members of populations, in this order."""
+        sizes = ((population.name, population.size) for population in self.populations)
+        return Names((neuron.name for neuron in self.neurons), sizes)
+
+    def names(self) -> Names:
+        """Names of inputs, neurons, members of populations and outputs, in this order; none occurs twice."""
+        singles: tuple[InputNode | Neuron, ...] = (*self.inputs, *self.neurons)
+        sizes = ((population.name, population.size) for population in self.populations)
+        return Names((node.name for node in singles), sizes, (node.name for node in self.outputs))
 
     def to_networkx(self) -> networkx.DiGraph:
-        """The circuit as a directed graph.
+        """The circuit as a directed graph, with a node for every member of a population.
 
-        Every node has the attributes `kind` ("input", "neuron" or "output") and `node` (the dataclass); every
-        edge has `weight` [SI] and `kind` ("sensorial", "excitatory", "inhibitory"; "readout" to an output).
+        Every node has the attributes `kind` ("input", "neuron" or "output") and `node` (the dataclass; of a
+        member its population); every edge has `weight` [SI] and `kind` ("sensorial", "excitatory", "inhibitory";
+        "readout" to an output). Several connections between two nodes are one edge with the sum of their weights.
         """
-        import networkx as nx
+        from circuitkit.circuit.graph_view import to_networkx
 
-        view = nx.DiGraph(name=self.name)
-        view.add_nodes_from((node.name, {"kind": "input", "node": node}) for node in self.inputs)
-        view.add_nodes_from((node.name, {"kind": "neuron", "node": node}) for node in self.neurons)
-        view.add_nodes_from((node.name, {"kind": "output", "node": node}) for node in self.outputs)
-        for synapse in self.synapses:
-            view.add_edge(synapse.source, synapse.target, weight=synapse.weight, kind=synapse.kind)
-        for output in self.outputs:
-            for neuron, weight in output.readout:
-                view.add_edge(neuron, output.name, weight=weight, kind="readout")
-        return view
+        return to_networkx(self)

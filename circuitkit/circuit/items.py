@@ -76,6 +76,7 @@ class Findings:
 
     Attributes:
         overrides: Values that take the place of the files', by address, such as `lateral.q1.slope`.
+        seed: Seed of distributions and random connections.
         errors: What is wrong.
         warnings: What is doubtful.
         addresses: Every address of a value that was met so far; only kept if there are overrides.
@@ -85,6 +86,7 @@ class Findings:
     """
 
     overrides: Mapping[str, object] = field(default_factory=dict)
+    seed: int = 0
     errors: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     addresses: dict[str, None] = field(default_factory=dict)

@@ -104,9 +104,7 @@ def as_found(measure: Measure) -> Any:  # noqa: ANN401 - a quantity, or a measur
     return measure.as_quantity() if isinstance(measure.value, int | float) else measure
 
 
-def start(
-    model: NeuronModel | SynapseModel, values: Mapping[str, Any]
-) -> dict[str, Any]:
+def start(model: NeuronModel | SynapseModel, values: Mapping[str, Any]) -> dict[str, Any]:
     """The start of every state of a model by its own declaration, [SI].
 
     Args:
@@ -147,7 +145,9 @@ def neuron_noise(scope: Scope, item: Item[Any], unit: Unit, read: Reader) -> Any
     if item.spec.noise is None and not scope.is_given(item, place):
         return 0.0
     noise = read(place, item.spec.noise)
-    if noise is None or not scope.fits(item, place, as_found(noise), unit, f"the activation is {in_unit(unit)}"):
+    if noise is None or not scope.fits(
+        item, place, as_found(noise), unit, f"the activation is {in_unit(unit)}"
+    ):
         return 0.0
     lowest = noise.value if isinstance(noise.value, int | float) else noise.value.min()
     if lowest < 0:

@@ -15,7 +15,15 @@ from circuitkit.circuit.spec import CircuitSpec, FileSpec, InstanceSpec
 from circuitkit.errors import Problem, suggest
 from circuitkit.source import Data, Document, Finding, Place, model_problems, scan_yaml
 
-NAMED_SECTIONS = ("parameters", "inputs", "neurons", "populations", "outputs", "neuron_models", "synapse_models")
+NAMED_SECTIONS = (
+    "parameters",
+    "inputs",
+    "neurons",
+    "populations",
+    "outputs",
+    "neuron_models",
+    "synapse_models",
+)
 LISTED_SECTIONS = ("synapses", "projections")
 _MOST_INSTANCES = 10_000
 
@@ -112,9 +120,7 @@ class _Reader:
         """The files that share their names with a document, and the instances in them."""
         gathering = _Gathering(within)
         self.add(gathering, self.part(document, model), including)
-        return Module(
-            tuple(gathering.parts), tuple(gathering.instances), frozenset(gathering.lost_instances)
-        )
+        return Module(tuple(gathering.parts), tuple(gathering.instances), frozenset(gathering.lost_instances))
 
     def part(self, document: Document, model: type[FileSpec]) -> Part:
         """What is sound of a document; complains about the rest."""
@@ -146,9 +152,7 @@ class _Reader:
                     self.add(gathering, included, (*including, here))
         gathering.parts.append(replace(part, lost_sections=lost) if lost else part)
 
-    def add_instance(
-        self, gathering: _Gathering, instance: Instance, including: tuple[Path, ...]
-    ) -> None:
+    def add_instance(self, gathering: _Gathering, instance: Instance, including: tuple[Path, ...]) -> None:
         """Add a circuit inside the one that is being read."""
         entry, part, place = instance.spec, instance.part, ("include", instance.number)
         self.instances += 1

@@ -10,9 +10,11 @@ from circuitkit.circuit.ends import Nodes
 from circuitkit.circuit.graph import CircuitGraph, InputNode
 from circuitkit.circuit.header import HEADER_KEYS, read_header
 from circuitkit.circuit.items import Findings
+from circuitkit.circuit.memory import Budget
 from circuitkit.circuit.neurons import neurons
 from circuitkit.circuit.outputs import outputs
 from circuitkit.circuit.parts import Module, module_of
+from circuitkit.circuit.populations import populations
 from circuitkit.circuit.scope import Scope
 from circuitkit.circuit.signals import Signals, unknown_inputs
 from circuitkit.circuit.spec import CircuitSpec
@@ -58,16 +60,24 @@ def analyse(module: Module, findings: Findings) -> CircuitGraph | None:
     scope = Scope(module, findings)
     scopes = list(scope.everything())
     header = read_header(scope)
+    findings.seed = header.seed if header else 0
     values = {each.prefix + name: each.parameter(name) for each in scopes for name in each.parameters}
-    nodes, models = Nodes(), {id(each): DeclaredModels(each) for each in scopes}
+    nodes, models, budget = Nodes(), {id(each): DeclaredModels(each) for each in scopes}, Budget()
     for each in scopes:
         unknown_inputs(each)
         _add_inputs(each, nodes)
         nodes.neurons.update((neuron.name, neuron) for neuron in neurons(each, models[id(each)]))
-    synapses = Synapses(nodes, Signals(nodes), header)
+        found = populations(each, models[id(each)], budget)
+        nodes.populations.update((population.name, population) for population in found)
+    signals = Signals(nodes)
+    synapses, many = Synapses(nodes, signals, header), []
     for each in scopes:
         synapses.add(each, models[id(each)])
-    found = tuple(outputs(scope, nodes))
+        if any(each.projections()):
+            from circuitkit.circuit.projections import projections  # brings numpy
+
+            many.extend(projections(each, models[id(each)], nodes, signals, budget, header))
+    read = tuple(outputs(scope, nodes))
     main = scope.main.spec
     if findings.errors or main.circuit is None or header is None:
         return None
@@ -79,9 +89,11 @@ def analyse(module: Module, findings: Findings) -> CircuitGraph | None:
         inputs=tuple(nodes.inputs.values()),
         neurons=tuple(nodes.neurons.values()),
         synapses=tuple(synapses.found.values()),
-        outputs=found,
+        outputs=read,
         parameters={name: value for name, value in values.items() if value is not None},
         substeps=header.substeps,
+        populations=tuple(nodes.populations.values()),
+        projections=tuple(many),
     )
     findings.warnings.extend(doubts(graph, scope))
     return graph

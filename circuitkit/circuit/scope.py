@@ -146,7 +146,9 @@ class Scope:
                 message = f"the parameter has the same name as the {kind} {where}; give one another name"
                 self.warnings.append(parameter.problem((), message, at_key=True))
             if name in UNIT_SYMBOLS:
-                message = f"the parameter has the same name as the unit {name}, which it still means after a number"
+                message = (
+                    f"the parameter has the same name as the unit {name}, which it still means after a number"
+                )
                 self.warnings.append(
                     parameter.problem((), f"{message} (1 {name}); give it another name", at_key=True)
                 )
@@ -315,7 +317,9 @@ class Scope:
         found = str(quantity) if isinstance(quantity, Quantity) else f"values in {quantity.unit}"
         message = f"found {found} ({quantity.dimension}); allowed: {allowed}{because}"
         is_bare = isinstance(quantity, Quantity) and quantity.unit == DIMENSIONLESS
-        self.errors.append(item.problem(inner, message, f"did you mean '{quantity} {unit}'?" if is_bare else ""))
+        self.errors.append(
+            item.problem(inner, message, f"did you mean '{quantity} {unit}'?" if is_bare else "")
+        )
         return False
 
     def pair(

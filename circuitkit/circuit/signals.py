@@ -47,7 +47,9 @@ class Signals:
             chain = scope.findings.in_progress
             if name in chain:
                 circle = " -> ".join((*chain[chain.index(name) :], name))
-                message = f"found a circle of inputs: {circle}; allowed: inputs that end in a node of the circuit"
+                message = (
+                    f"found a circle of inputs: {circle}; allowed: inputs that end in a node of the circuit"
+                )
                 scope.errors.append(entry.problem(place, message))
                 return None
             chain.append(name)

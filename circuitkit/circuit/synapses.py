@@ -66,7 +66,9 @@ class Synapses:
             key = (source_name, located.name, spec.model, gate)
             if key in self.first:
                 where = self.first[key][0].seen_from(item.part)
-                message = f"duplicate synapse {spec.source} -> {target}, first {where}; allowed: each one once"
+                message = (
+                    f"duplicate synapse {spec.source} -> {target}, first {where}; allowed: each one once"
+                )
                 scope.errors.append(item.problem(place, message))
                 continue
             self.first[key] = (item, scope)
@@ -75,7 +77,14 @@ class Synapses:
 
     def _keep(self, synapse: Synapse) -> None:
         """Add a synapse; two that instances' inputs lead between the same nodes become one."""
-        key = (synapse.source, synapse.target, synapse.model.name, synapse.gate, synapse.delay_s, synapse.kind)
+        key = (
+            synapse.source,
+            synapse.target,
+            synapse.model.name,
+            synapse.gate,
+            synapse.delay_s,
+            synapse.kind,
+        )
         if (other := self.found.get(key)) is not None:
             synapse = replace(other, weight=other.weight + synapse.weight)
         self.found[key] = synapse
@@ -123,7 +132,9 @@ def gate_name(scope: Scope, item: Item[Any], model: SynapseModel, nodes: Nodes) 
             scope.errors.append(item.problem((), message, at_key=True))
         return ""
     if not model.gated:
-        message = f"found a gate, but the model {model.name} has none; allowed: no key 'gate', or another model"
+        message = (
+            f"found a gate, but the model {model.name} has none; allowed: no key 'gate', or another model"
+        )
         scope.errors.append(item.problem(("gate",), message, at_key=True))
         return ""
     located = scope.locate(gate)
@@ -225,6 +236,10 @@ def weight_fits(
     scope: Scope, item: Item[Any], model: SynapseModel, weight: Measure, source: End, target: End
 ) -> bool:
     """Whether a weight has the dimension that its model gives it between two nodes; complains if not."""
+    if model.plain_source and any(source.unit.dimension):
+        message = f"found {source.name} {in_unit(source.unit)}; allowed: sources without unit for the model {model.name}"
+        scope.errors.append(item.problem(("from",), message))
+        return False
     rule = model.weight.dimension(target.activation.dimension, source.unit.dimension)
     if weight.dimension == rule:
         return True
@@ -328,8 +343,12 @@ def check_sign(
 def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End) -> None:
     """Complain about a weighted sum of nodes as the source of a model that takes one source as it is."""
     if not is_linear(model):
-        message = f"found '{source.name}', which is fed by a weighted sum; the model {model.name} needs one source"
-        allowed = "an input that is fed by one node, without a factor; or a static synapse to a neuron between"
+        message = (
+            f"found '{source.name}', which is fed by a weighted sum; the model {model.name} needs one source"
+        )
+        allowed = (
+            "an input that is fed by one node, without a factor; or a static synapse to a neuron between"
+        )
         scope.errors.append(item.problem(("from",), f"{message}; allowed: {allowed}"))
 
 

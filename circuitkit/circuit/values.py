@@ -22,7 +22,9 @@ _TOKEN = re.compile(
     r"(?P<number>(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?)"
     r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
 )
-_UNIT_AFTER_NUMBER = re.compile(r"\s*(?P<over>/\s*|1/)?(?P<symbol>[A-Za-z%]+)(?:\s*\^\s*-?\d(?!\w))?(?![\w(])")
+_UNIT_AFTER_NUMBER = re.compile(
+    r"\s*(?P<over>/\s*|1/)?(?P<symbol>[A-Za-z%]+)(?:\s*\^\s*-?\d(?!\w))?(?![\w(])"
+)
 _FURTHER_UNIT = re.compile(r"\s*[*/]\s*(?P<symbol>[A-Za-z%]+)(?:\s*\^\s*-?\d(?!\w))?(?![\w(.])")
 _NOT_FINITE = frozenset({"nan", "inf", "infinity"})
 _FIRST_STAND_IN = 0x4E00  # one-letter names that no author writes, for quantities and names with dots
@@ -95,6 +97,13 @@ def compute(value: object, look_up: LookUp, variables: Mapping[str, Measure] | N
         return Measure(read.value_si, read.unit)
     names = {key: _named(read, key, look_up, variables or {}) for key in read.names}
     return _computed(read, {**read.quantities, **names})
+
+
+def names_in(value: object) -> frozenset[str]:
+    """The names that a value of the file mentions, of whatever kind."""
+    if not isinstance(value, str):
+        return frozenset()
+    return frozenset(match["name"] for match in _TOKEN.finditer(value) if match["name"])
 
 
 def _computed(formula: _Formula, values: Mapping[str, Measure]) -> Measure:

@@ -1,0 +1,73 @@
+"""Entries of `populations` to `Population`: the size, and values for every member."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from circuitkit.circuit.declared_models import DeclaredModels, Reader
+from circuitkit.circuit.graph import Population
+from circuitkit.circuit.items import Item
+from circuitkit.circuit.measures import Measure
+from circuitkit.circuit.memory import Budget
+from circuitkit.circuit.models import NeuronModel
+from circuitkit.circuit.neurons import neuron_noise, neuron_parameters, neuron_start
+from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.spec import PopulationSpec
+from circuitkit.source import Place
+from circuitkit.units import DIMENSIONLESS
+
+# Members are counted with 32 bits.
+LARGEST = 2**31 - 1
+
+
+def populations(scope: Scope, models: DeclaredModels, budget: Budget) -> Iterator[Population]:
+    """The populations that a scope declares, as far as they are sound."""
+    for name, item in scope.populations.items():
+        model = models.neuron(item)
+        size = _size(scope, item, model, budget)
+        if model is None or size is None:
+            continue
+        read = _reader(scope, item, size)
+        unit, parameters = neuron_parameters(scope, item, model, read)
+        yield Population(
+            name=scope.prefix + name,
+            size=size,
+            model=model,
+            role=item.spec.role,
+            parameters=parameters,
+            activation_unit=unit,
+            description=item.spec.description,
+            initial=neuron_start(scope, item, model, unit, parameters, read),
+            noise=neuron_noise(scope, item, unit, read),
+            origin=item.origin,
+        )
+
+
+def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, budget: Budget) -> int | None:
+    """How many members, if that is a number of neurons that fits into memory; None after complaining."""
+    size = scope.value(item, ("size",), item.spec.size, DIMENSIONLESS, "it is a number of neurons")
+    if size is None:
+        return None
+    count = int(size.value_si)
+    if count != size.value_si or count < 1:
+        scope.errors.append(item.problem(("size",), f"found {size}; allowed: a whole number from 1 on"))
+        return None
+    complaint = budget.neurons(
+        count, len(model.parameters) if model else 0, len(model.states) if model else 0
+    )
+    if not complaint and count > LARGEST:
+        complaint = f"found {count}; allowed: up to {LARGEST}"
+    if complaint:
+        scope.errors.append(item.problem(("size",), complaint))
+        return None
+    return count
+
+
+def _reader(scope: Scope, item: Item[Any], size: int) -> Reader:
+    from circuitkit.circuit.spread import spread
+
+    def read(place: Place, value: object) -> Measure | None:
+        return spread(scope, item, place, value, size)
+
+    return read
