@@ -22,8 +22,8 @@ _TOGETHER_S = 4.0
 def cases() -> tuple[Case, ...]:
     """One robot, and 64."""
     return (
-        Case("closed_loop_1_robot", "mj_step alone, one robot", _one, limit=1.35),
-        Case("closed_loop_64_robots", "Batch.step alone, 64 robots", lambda: _many(64), limit=1.15),
+        Case("closed loop: 1 robot", "mj_step alone, one robot", _one, limit=1.35),
+        Case("closed loop: 64 robots", "Batch.step alone, 64 robots", lambda: _many(64), limit=1.15),
     )
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import os
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from circuitkit.cli.printing import examples, print_json, print_table, progress_bar
+from circuitkit.cli.printing import examples, note, print_json, print_table, progress_bar
+
+if TYPE_CHECKING:
+    from circuitkit.study.bench import Row
 
 
 def register(app: typer.Typer) -> None:
@@ -29,9 +33,11 @@ def bench(
 ) -> None:
     """Run the benchmarks of the repository, as ratios.
 
-    Each case is timed in turns with what it is compared with. The benchmarks lie in a clone of the
+    Each case is timed in turns with what it is compared with, on one core unless it says otherwise. A few are
+    amounts with a limit of their own, such as the time to load a file. The benchmarks lie in a clone of the
     repository, not in the installed package.
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy reads it when it is imported, which is later
     from dataclasses import asdict
 
     from circuitkit.study.bench import measure, select, shipped_cases
@@ -47,16 +53,22 @@ def bench(
         print_json([asdict(row) for row in rows])
         return
     print_table(
-        "benchmarks: time of the case / time of what it is compared with",
-        ("case", ">seconds", ">ratio", "against", ">limit"),
-        (
-            (
-                row.case,
-                f"{row.seconds:.3g}",
-                f"{row.ratio:.2f}",
-                row.against,
-                "" if row.limit is None else f"{row.limit:g}",
-            )
-            for row in rows
-        ),
+        "benchmarks: time of the case / time of what it is compared with, medians",
+        ("case", ">seconds", ">ratio", ">limit", "", "against"),
+        (_cells(row) for row in rows if not row.note),
+    )
+    for row in rows:
+        if row.note:
+            note(f"left out: {row.case}: {row.note}")
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    unit = f" {row.unit}" if row.unit else ""
+    return (
+        row.case,
+        "" if row.seconds is None else f"{row.seconds:.3g}",
+        f"{row.ratio:.3g}" if row.ratio is not None else f"{row.amount:.3g}{unit}",
+        "" if row.limit is None else f"{row.limit:.3g}{unit}",
+        {True: "ok", False: "short", None: ""}[row.ok],
+        row.against,
     )

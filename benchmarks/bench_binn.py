@@ -1,0 +1,93 @@
+"""The BiNN of 11 neurons: a call a step, many steps in a call, many robots, many different circuits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import get_args
+
+import numpy as np
+
+from benchmarks.plain import (
+    AGAINST,
+    INPUTS,
+    PlainBinn,
+    binn,
+    compiled_binn,
+    require_equal,
+    steps_of,
+    threads,
+    varied,
+)
+from circuitkit.circuit.graph import Timing
+from circuitkit.engine import compile_circuit, run
+from circuitkit.study.bench import AnyCase, AnyWork, Case, Loop
+
+_STEPS = 2000
+_SWEEP = 1000
+# Of a batch, the limit of the compiled backend; that of numpy is never to be slower.
+_BATCHES = {100: 0.12, 1_000: 0.25, 10_000: 0.30}
+_LIMITS = {"numpy": 0.30, "compiled": 0.04}
+
+Prepare = Callable[[], tuple[AnyWork, AnyWork]]
+
+
+def cases() -> tuple[AnyCase, ...]:
+    """All of them."""
+    return (
+        *(
+            Case(f"{backend}: a call a step, {timing}", AGAINST, _one(backend, timing), limit)
+            for backend, limit in _LIMITS.items()
+            for timing in get_args(Timing)
+        ),
+        Case("compiled: inside run, recorded", AGAINST, _inside_run, 0.02, steps=_STEPS),
+        *(
+            Case(f"{backend}: a batch of {batch}", f"{AGAINST}, a batch", _batch(backend, batch), limit)
+            for batch, of_compiled in _BATCHES.items()
+            for backend, limit in (("numpy", 1.0), ("compiled", of_compiled))
+        ),
+        *(
+            Case(f"{backend}: a sweep of {_SWEEP}, per core", f"{AGAINST}, a loop", _sweep(backend), limit)
+            for backend, limit in (("numpy", None), ("compiled", 1 / 40))
+        ),
+    )
+
+
+def _one(backend: str, timing: Timing) -> Prepare:
+    def prepare() -> tuple[AnyWork, AnyWork]:
+        return steps_of(compiled_binn(backend, timing), 1), Loop(PlainBinn(binn()).steps)
+
+    return prepare
+
+
+def _inside_run() -> tuple[AnyWork, AnyWork]:
+    program, plain = compiled_binn("compiled"), PlainBinn(binn())
+    inputs = np.tile(INPUTS, (_STEPS, 1, 1))
+    return lambda: run(program, inputs), lambda: plain.steps(_STEPS)
+
+
+def _batch(backend: str, batch: int) -> Prepare:
+    def prepare() -> tuple[AnyWork, AnyWork]:
+        with threads(1):
+            measured = steps_of(compiled_binn(backend, batch=batch), batch)
+        return measured, Loop(PlainBinn(binn(), batch).steps)
+
+    return prepare
+
+
+def _sweep(backend: str) -> Prepare:
+    def prepare() -> tuple[AnyWork, AnyWork]:
+        graphs = [varied(number) for number in range(_SWEEP)]
+        plain = [PlainBinn(graph) for graph in graphs]
+        for number in (0, _SWEEP - 1):
+            require_equal(compile_circuit(graphs[number], backend=backend), PlainBinn(graphs[number]), 1)
+        with threads(1):
+            measured = steps_of(compile_circuit(graphs, backend=backend), _SWEEP)
+
+        def one_by_one(times: int) -> None:
+            for _ in range(times):
+                for one in plain:
+                    one.steps(1)
+
+        return measured, Loop(one_by_one)
+
+    return prepare
