@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command(epilog=examples("circuitkit bench", "circuitkit bench engine", "circuitkit bench --json"))(
+    app.command(epilog=examples("circuitkit bench", "circuitkit bench compiled", "circuitkit bench --json"))(
         bench
     )
 
