@@ -3,42 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine.backends import load_backend
-from circuitkit.engine.lowering import lower
+from circuitkit.engine.backends import AUTO, choose_backend, load_backend
+from circuitkit.engine.lowering import lower, side_by_side
 from circuitkit.engine.program import Precision, Program
+from circuitkit.errors import InputError, Problem
 
 if TYPE_CHECKING:
     from circuitkit.circuit.spec import CircuitSpec
 
 
+Circuit: TypeAlias = "CircuitGraph | CircuitSpec | str | Path"
+
+
 def compile_circuit(
-    circuit: CircuitGraph | CircuitSpec | str | Path,
+    circuit: Circuit | Sequence[Circuit],
     backend: str = "numpy",
     precision: Precision = "float64",
     *,
     reproducible: bool = True,
 ) -> Program:
-    """Compile a circuit.
+    """Compile a circuit, or a sweep.
 
     Args:
-        circuit: A resolved graph, a specification, a path, or the name of a shipped circuit.
-        backend: Name of the execution backend.
+        circuit: A resolved graph, a specification, a path, or the name of a shipped circuit. A list of
+            circuits that differ in numbers alone makes a sweep: member b of its batch is circuit b.
+        backend: Name of the execution backend; "auto" takes the compiled one if it works here.
         precision: In which all is computed.
         reproducible: Whether a member of a batch must get the same bits whatever the size of the batch.
 
     Raises:
-        InputError: The circuit cannot be loaded or resolved.
+        InputError: The circuit cannot be loaded or resolved, or the circuits of a sweep do not fit together.
         UnknownNameError: There is no such backend.
     """
-    load_backend(backend)
-    graph = _as_graph(circuit)
-    lowered = lower(graph)
-    return Program(
+    if backend != AUTO:
+        load_backend(backend)
+    is_sweep = isinstance(circuit, Sequence) and not isinstance(circuit, str)
+    graphs = [_as_graph(each) for each in circuit] if is_sweep else [_as_graph(circuit)]  # type: ignore[arg-type, union-attr]
+    graph = _require_alike(graphs)
+    lowered = side_by_side([lower(each) for each in graphs]) if is_sweep else lower(graph)
+    program = Program(
         name=graph.name,
         step_s=graph.step_s,
         substeps=graph.substeps,
@@ -46,10 +54,32 @@ def compile_circuit(
         neuron_names=_neuron_names(graph),
         output_names=tuple(output.name for output in graph.outputs),
         **{field.name: getattr(lowered, field.name) for field in fields(lowered)},
+        members=len(graphs) if is_sweep else 0,
         backend=backend,
         precision=precision,
         reproducible=reproducible,
     )
+    if backend == AUTO:
+        chosen, note = choose_backend(program)
+        return replace(program, backend=chosen, note=note)
+    return program
+
+
+def _require_alike(graphs: Sequence[CircuitGraph]) -> CircuitGraph:
+    """The first of the circuits, whose names and times all others must have."""
+    if not graphs:
+        raise InputError(Problem("", 0, 0, "sweep", "found no circuit; allowed: at least one"))
+    first = graphs[0]
+    for number, graph in enumerate(graphs):
+        for what, found, wanted in (
+            ("names", graph.names(), first.names()),
+            ("control step", graph.step_s, first.step_s),
+            ("number of substeps", graph.substeps, first.substeps),
+        ):
+            if found != wanted:
+                message = f"found another {what} in circuit {number} than in circuit 0; allowed: the same"
+                raise InputError(Problem("", 0, 0, "sweep", message))
+    return first
 
 
 def _neuron_names(graph: CircuitGraph) -> Sequence[str]:

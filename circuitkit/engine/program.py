@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -46,6 +47,7 @@ class Program:
         state_rows: Every other row that must survive a control step, shape (n_states,). All rows that are in
             none of these four and are no inputs are written before they are read, in every control step.
         state_names: What is in the state rows, shape (n_states,).
+        population_columns: Columns of the members of every population.
         members: Number B of circuits in a sweep, which all differ in constants; 0 for one circuit.
         backend: Name of the backend.
         precision: In which all is computed.
@@ -69,6 +71,7 @@ class Program:
     readout_rows: tuple[int, int]
     state_rows: IndexArray
     state_names: Sequence[str]
+    population_columns: Mapping[str, range] = field(default_factory=dict)
     members: int = 0
     backend: str = "numpy"
     precision: Precision = "float64"
@@ -87,17 +90,17 @@ class Program:
         found = [operation for operation in self.operations if isinstance(operation, Remember)]
         return tuple(sorted(found, key=lambda operation: operation.memory))
 
-    @property
+    @cached_property
     def input_index(self) -> Mapping[str, int]:
         """Column of each input."""
         return {name: i for i, name in enumerate(self.input_names)}
 
-    @property
+    @cached_property
     def neuron_index(self) -> Mapping[str, int]:
         """Column of each neuron."""
         return {name: i for i, name in enumerate(self.neuron_names)}
 
-    @property
+    @cached_property
     def output_index(self) -> Mapping[str, int]:
         """Column of each output of the circuit."""
         return {name: i for i, name in enumerate(self.output_names)}

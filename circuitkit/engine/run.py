@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
 from circuitkit.engine.checks import as_run_inputs, require_step_inputs
 from circuitkit.engine.divergence import raise_for
+from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
+from circuitkit.engine.record import select
 from circuitkit.engine.state import FloatArray, State, Trace
 from circuitkit.errors import InputError, Problem
 
@@ -42,36 +46,59 @@ def step(program: Program, state: State, inputs: FloatArray, out: State | None =
     return result
 
 
-def run(program: Program, inputs: FloatArray, state: State | None = None) -> Trace:
-    """Do T control steps and record everything.
+def run(
+    program: Program,
+    inputs: FloatArray,
+    state: State | None = None,
+    *,
+    record: Iterable[str] | None = None,
+    states: bool = False,
+) -> Trace:
+    """Do T control steps and record them.
 
     Args:
         program: The compiled circuit.
         inputs: Shape (T, B, n_inputs), [SI].
         state: The state before the first step; by default the initial one.
+        record: Names of neurons, populations, outputs, or states such as `ring[3].v`; by default all neurons
+            and all outputs.
+        states: Whether to record all states besides.
 
     Raises:
-        InputError: A shape does not fit, or an input is not finite; its name and step are named.
+        InputError: A shape does not fit, an input is not finite (its name and step are named), or there is
+            nothing of a name.
         DivergedError: A number that is not finite came out; the step and the neuron are named.
     """
     inputs = as_run_inputs(inputs, program.input_names)
     program.check_inputs(inputs)
+    selection = select(program, record, states=states)
     steps, batch, _ = inputs.shape
     before = program.initial_state(batch) if state is None else state
     _require_state(program, before, batch, "state")
-    readout_rows = np.arange(*program.readout_rows, dtype=np.int32)
-    parts = (program.activation_rows, program.output_rows, readout_rows)
-    n = len(program.activation_rows)
-    record = np.empty((steps, batch, sum(map(len, parts))))
+    recorded = np.empty((steps, batch, len(selection.rows)))
     last = before.copy()
     kernel = program.borrow_kernel(batch)
     kernel.load(before)
-    done = kernel.run(np.ascontiguousarray(inputs), np.concatenate(parts), record)
+    done = kernel.run(np.ascontiguousarray(inputs), selection.rows, recorded)
     kernel.store(last)
     program.return_kernel(kernel)
     if done < steps:
         raise_for(program, inputs[done], last)
-    return Trace(record[..., :n], record[..., n : 2 * n], record[..., 2 * n :], last)
+    n, m = len(selection.neurons), len(selection.outputs)
+    return Trace(
+        activation=recorded[..., :n],
+        output=recorded[..., n : 2 * n],
+        readout=recorded[..., 2 * n : 2 * n + m],
+        states=recorded[..., 2 * n + m :],
+        state=last,
+        neuron_names=_chosen(program.neuron_names, selection.neurons),
+        output_names=_chosen(program.output_names, selection.outputs),
+        state_names=_chosen(program.state_names, selection.states),
+    )
+
+
+def _chosen(names: Sequence[str], columns: IndexArray) -> Sequence[str]:
+    return names if len(columns) == len(names) else tuple(names[int(i)] for i in columns)
 
 
 class Stepper:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -59,16 +60,24 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What a circuit did over T steps; row t is the state after step t, columns in file order.
+    """What a circuit did over T steps; row t is the state after step t, columns in the order of the names.
 
     Attributes:
-        activation: Activations, shape (T, B, n_neurons), [SI unit of its activation].
-        output: Outputs of the neurons, shape (T, B, n_neurons), dimensionless.
-        readout: Outputs of the circuit, shape (T, B, n_outputs), [SI].
+        activation: Activations, shape (T, B, k), [SI unit of its activation].
+        output: Outputs of the neurons, shape (T, B, k), dimensionless.
+        readout: Outputs of the circuit, shape (T, B, m), [SI].
+        states: States of neurons and synapses, shape (T, B, s), [SI].
         state: The state after the last step, to go on from.
+        neuron_names: The k neurons.
+        output_names: The m outputs.
+        state_names: The s states.
     """
 
     activation: FloatArray
     output: FloatArray
     readout: FloatArray
+    states: FloatArray
     state: State
+    neuron_names: Sequence[str]
+    output_names: Sequence[str]
+    state_names: Sequence[str]

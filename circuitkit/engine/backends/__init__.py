@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from circuitkit.engine.program import Program
     from circuitkit.engine.state import FloatArray, State
 
+AUTO = "auto"
 _SUFFIX = "_backend"
 BACKEND_NAMES: tuple[str, ...] = tuple(
     sorted(path.stem.removesuffix(_SUFFIX) for path in Path(__file__).parent.glob(f"*{_SUFFIX}.py"))
@@ -83,3 +84,13 @@ def load_backend(name: str) -> KernelMaker:
     module = importlib.import_module(f"{__name__}.{name}{_SUFFIX}")
     make_kernel: KernelMaker = module.make_kernel
     return make_kernel
+
+
+def choose_backend(program: Program) -> tuple[str, str]:
+    """The compiled backend if it works here, else numpy; and why."""
+    from circuitkit.engine.backends import compiled_backend
+
+    problem = compiled_backend.unavailable() or compiled_backend.prepare(program)
+    if problem:
+        return "numpy", f"backend numpy: {problem}"
+    return "compiled", "backend compiled: C built by the system's compiler"

@@ -6,5 +6,6 @@ Read in this order: `order` (who is evaluated when), `cells` (which neurons stan
 """
 
 from circuitkit.engine.lowering.circuit import Lowered, lower
+from circuitkit.engine.lowering.sweep import side_by_side
 
-__all__ = ["Lowered", "lower"]
+__all__ = ["Lowered", "lower", "side_by_side"]

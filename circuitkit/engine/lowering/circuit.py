@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
-from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
+from circuitkit.circuit.graph import CircuitGraph, Population, Projection, Synapse
 from circuitkit.circuit.models import SynapseModel
 from circuitkit.engine.lowering.cells import Group, make_blocks, make_stages, place_groups, place_states
 from circuitkit.engine.lowering.maps import copy_rows
@@ -51,6 +51,7 @@ class Lowered:
     readout_rows: tuple[int, int]
     state_rows: IndexArray
     state_names: Sequence[str]
+    population_columns: Mapping[str, range]
 
 
 def lower(graph: CircuitGraph) -> Lowered:
@@ -86,6 +87,11 @@ def lower(graph: CircuitGraph) -> Lowered:
         readout_rows=(readout, readout + len(graph.outputs)),
         state_rows=names.rows(),
         state_names=names,
+        population_columns={
+            name: range(block.column, block.column + block.size)
+            for name, block in plan.blocks.items()
+            if isinstance(block.node, Population)
+        },
     )
 
 

@@ -91,19 +91,28 @@ def _exact(system: System) -> tuple[list[tuple[int, Expression]], Mapping[str, F
     if not all(entry.names() <= system.constants.keys() for row in jacobian for entry in row):
         message = "found equations that are not linear in the states; allowed: other methods than exact"
         raise InputError(Problem("", 0, 0, f"model {system.name}", message))
-    values = [[np.asarray(e.evaluate(system.constants, NUMPY_FUNCTIONS)) for e in row] for row in jacobian]
-    matrices = np.stack([np.stack(np.broadcast_arrays(*sum(values, [])), axis=-1)])[0]
+    values = [np.asarray(e.evaluate(system.constants, NUMPY_FUNCTIONS)) for row in jacobian for e in row]
+    matrices = np.stack(np.broadcast_arrays(*values), axis=-1)
     weights = _propagators(matrices.reshape(-1, len(names), len(names)), system.dt)
+    reached = _reached([{j for j, entry in enumerate(row) if entry != Number(0.0)} for row in jacobian])
     constants, results = dict(system.constants), []
     for i, name in enumerate(names):
         value: Expression = Name(name)
         for j, other in enumerate(names):
             weight = Name(f"exact_{i}_{j}")
             constants[weight.name] = weights[:, i, j].reshape(matrices.shape[:-1])
-            if weights[:, i, j].any():
+            if j in reached[i]:
                 value = Binary("+", value, Binary("*", weight, system.derivatives[other]))
         results.append((system.states[name], value))
     return results, constants
+
+
+def _reached(direct: list[set[int]]) -> list[set[int]]:
+    """For every state those that it depends on, itself included, in one step or in many."""
+    reached = [each | {i} for i, each in enumerate(direct)]
+    for _ in reached:
+        reached = [each.union(*(reached[j] for j in each)) for each in reached]
+    return reached
 
 
 def _propagators(jacobians: FloatArray, dt: float) -> FloatArray:

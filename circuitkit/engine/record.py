@@ -1,0 +1,83 @@
+"""Which rows of the table `run` records, by the names that a user gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.program import Program
+from circuitkit.errors import UnknownNameError
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Columns of a recording.
+
+    Attributes:
+        neurons: Columns of neurons, shape (k,).
+        outputs: Columns of outputs of the circuit, shape (m,).
+        states: Columns of states, shape (s,).
+        rows: Rows of the table: k activations, k outputs, m outputs of the circuit, s states.
+    """
+
+    neurons: IndexArray
+    outputs: IndexArray
+    states: IndexArray
+    rows: IndexArray
+
+
+def select(program: Program, names: Iterable[str] | None, *, states: bool) -> Selection:
+    """What to record.
+
+    Args:
+        program: The compiled circuit.
+        names: Names of neurons, populations, outputs of the circuit, or states such as `ring[3].v`; None for
+            all neurons and outputs.
+        states: Whether to record all states besides.
+
+    Raises:
+        UnknownNameError: There is nothing of a name.
+    """
+    n, m, s = len(program.activation_rows), len(program.output_names), len(program.state_rows)
+    neurons: Sequence[int] = range(n)
+    outputs: Sequence[int] = range(m)
+    chosen: Sequence[int] = range(s if states else 0)
+    if names is not None:
+        neurons, outputs, found = _find(program, names)
+        chosen = range(s) if states else found
+    columns = [np.array(each, dtype=np.int32) for each in (neurons, outputs, chosen)]
+    rows = [
+        program.activation_rows[columns[0]],
+        program.output_rows[columns[0]],
+        columns[1] + np.int32(program.readout_rows[0]),
+        program.state_rows[columns[2]],
+    ]
+    return Selection(*columns, np.concatenate(rows).astype(np.int32))
+
+
+def _find(program: Program, names: Iterable[str]) -> tuple[list[int], list[int], list[int]]:
+    neurons: list[int] = []
+    outputs: list[int] = []
+    states: list[int] = []
+    state_index: dict[str, int] | None = None
+    for name in names:
+        if name in program.neuron_index:
+            neurons.append(program.neuron_index[name])
+        elif name in program.population_columns:
+            neurons.extend(program.population_columns[name])
+        elif name in program.output_index:
+            outputs.append(program.output_index[name])
+        else:
+            if state_index is None:
+                state_index = {state: i for i, state in enumerate(program.state_names)}
+            if name not in state_index:
+                kind = "neuron, output or state"
+                populations = program.population_columns
+                raise UnknownNameError(
+                    kind, name, (*program.output_names, *populations, *program.neuron_names)
+                )
+            states.append(state_index[name])
+    return neurons, outputs, states
