@@ -30,6 +30,7 @@ typedef int32_t whole;
 #define CK_FMA_BUILTIN __builtin_fmaf
 #define CK_SQRT_BUILTIN __builtin_sqrtf
 #define CK_FLOOR_BUILTIN __builtin_floorf
+#define CK_SIZE 4
 #define CK_MANTISSA 23
 #define CK_ROUND 12582912.0f
 #define CK_LN2_HIGH 0.693145751953125f
@@ -44,6 +45,7 @@ typedef int64_t whole;
 #define CK_FMA_BUILTIN __builtin_fma
 #define CK_SQRT_BUILTIN __builtin_sqrt
 #define CK_FLOOR_BUILTIN __builtin_floor
+#define CK_SIZE 8
 #define CK_MANTISSA 52
 #define CK_ROUND 6755399441055744.0
 #define CK_LN2_HIGH 0.6931471805598903

@@ -3,6 +3,13 @@
    A loop over lanes becomes one instruction where the machine has it: compilers find these without intrinsics. */
 
 #define CK(name) CK_JOIN(name##_, N)
+#if N > 1 && (defined(__AVX512F__) || (defined(__AVX__) && N * CK_SIZE <= 32))
+#ifdef CK_SINGLE /* compilers take two instructions for what is one */
+#define CK_ASSEMBLY "ps"
+#else
+#define CK_ASSEMBLY "pd"
+#endif
+#endif
 #define LANES for (int lane = 0; lane < N; lane++)
 
 #if N == 1
@@ -18,9 +25,11 @@ typedef real CK(u) __attribute__((vector_size(N * sizeof(real)), aligned(sizeof(
 
 CK_INLINE CK(v) CK(all)(real x)
 {
-    CK(v) y;
-    LANES AT(y) = x;
-    return y;
+#if N == 1
+    return x;
+#else
+    return x - (CK(v)){0}; /* compilers know this, unlike a loop, as one instruction */
+#endif
 }
 
 CK_INLINE CK(w) CK(bits)(CK(v) x)
@@ -81,27 +90,45 @@ CK_INLINE CK(v) CK(fma)(CK(v) a, CK(v) b, CK(v) c)
 #endif
 }
 
-/* The second operand where one is not a number. */
+/* Which of two by a mask of ones or zeros. */
+CK_INLINE CK(v) CK(chosen)(CK(w) mask, CK(v) then, CK(v) otherwise)
+{
+    return CK(number)((CK(bits)(then) & mask) | (CK(bits)(otherwise) & ~mask));
+}
+
+#if N == 1
+#define MASK(comparison) (-(whole)(comparison))
+#else
+#define MASK(comparison) (comparison)
+#endif
+
+/* a < b ? a : b, and a > b ? a : b; so the second operand where one is not a number. */
 CK_INLINE CK(v) CK(lower)(CK(v) a, CK(v) b)
 {
+#ifdef CK_ASSEMBLY
     CK(v) y;
-    LANES AT(y) = AT(a) < AT(b) ? AT(a) : AT(b);
+    __asm__("vmin" CK_ASSEMBLY " %2, %1, %0" : "=v"(y) : "v"(a), "v"(b));
     return y;
+#else
+    return CK(chosen)(MASK(a < b), a, b);
+#endif
 }
 
 CK_INLINE CK(v) CK(higher)(CK(v) a, CK(v) b)
 {
+#ifdef CK_ASSEMBLY
     CK(v) y;
-    LANES AT(y) = AT(a) > AT(b) ? AT(a) : AT(b);
+    __asm__("vmax" CK_ASSEMBLY " %2, %1, %0" : "=v"(y) : "v"(a), "v"(b));
     return y;
+#else
+    return CK(chosen)(MASK(a > b), a, b);
+#endif
 }
 
 #define COMPARISON(name, sign) \
     CK_INLINE CK(v) CK(name)(CK(v) a, CK(v) b) \
     { \
-        CK(v) y; \
-        LANES AT(y) = AT(a) sign AT(b) ? (real)1 : (real)0; \
-        return y; \
+        return CK(chosen)(MASK(a sign b), CK(all)(1), CK(all)(0)); \
     }
 COMPARISON(less, <)
 COMPARISON(less_equal, <=)
@@ -111,16 +138,13 @@ COMPARISON(greater_equal, >=)
 
 CK_INLINE CK(v) CK(where)(CK(v) condition, CK(v) then, CK(v) otherwise)
 {
-    CK(v) y;
-    LANES AT(y) = AT(condition) == 0 ? AT(otherwise) : AT(then);
-    return y;
+    return CK(chosen)(MASK(condition == CK(all)(0)), otherwise, then);
 }
 
 /* `x` where it is not a number, else `y`. */
 CK_INLINE CK(v) CK(unless_nan)(CK(v) x, CK(v) y)
 {
-    LANES AT(y) = AT(x) == AT(x) ? AT(y) : AT(x);
-    return y;
+    return CK(chosen)(MASK(x == x), y, x);
 }
 
 CK_INLINE CK(v) CK(min)(CK(v) a, CK(v) b)
@@ -270,16 +294,37 @@ CK_INLINE CK(v) CK(exprel)(CK(v) x)
     return CK(where)(x, CK(expm1)(x) / CK(where)(x, x, CK(all)(1)), CK(all)(1));
 }
 
-/* 1 / (1 + exp(-x)). Beyond +-708 it stays what it is there: so it needs no second scale, and is never 0. */
+/* (2^f - 1) / f on |f| <= 1/2; 2^f is off by 6e-16 in double and 9e-9 in single precision, beside the rounding. */
+CK_INLINE CK(v) CK(polynomial_of_two)(CK(v) f)
+{
+#define C(x) CK(all)((real)(x))
+    CK(v) f2 = f * f, f4 = f2 * f2;
+#ifdef CK_SINGLE
+    CK(v) a = CK(fma)(C(0.2402265), f, C(0.6931472));
+    CK(v) b = CK(fma)(C(0.009618083), f, C(0.05550357));
+    CK(v) c = CK(fma)(C(0.00015453163), f, C(0.0013390863));
+    return CK(fma)(f4, c, CK(fma)(b, f2, a));
+#else
+    CK(v) a = CK(fma)(C(0.24022650695910075), f, C(0.6931471805599462));
+    CK(v) b = CK(fma)(C(0.009618129107618665), f, C(0.05550410866465167));
+    CK(v) c = CK(fma)(C(0.00015403530424776566), f, C(0.0013333558200794658));
+    CK(v) d = CK(fma)(C(1.3215451633193289e-06), f, C(1.5252672924801992e-05));
+    CK(v) e = CK(fma)(C(7.070977872941531e-09), f, C(1.0205905424907286e-07));
+    CK(v) ab = CK(fma)(b, f2, a), cd = CK(fma)(d, f2, c);
+    return CK(fma)(f4, CK(fma)(f4, e, cd), ab);
+#endif
+#undef C
+}
+
+/* 1 / (1 + 2^(-x / ln 2)). Beyond +-708 it stays what it is there: so it needs no second scale, and is never 0. */
 CK_INLINE CK(v) CK(sigmoid)(CK(v) x)
 {
-    CK(v) k, r, r2, p;
-    CK(w) k_bits;
+    CK(v) shifted, f, p;
     x = CK(higher)(CK(all)(-CK_SAFE_END), CK(lower)(CK(all)(CK_SAFE_END), x));
-    r = CK(reduce)(-x, &k, &k_bits);
-    r2 = r * r;
-    p = CK(all)(1) + CK(fma)(CK(polynomial)(r, r2), r2, r);
-    return CK(all)(1) / (CK(all)(1) + p * CK(power_of_two)(k_bits));
+    shifted = CK(fma)(x, CK(all)(-CK_LOG2_E), CK(all)(CK_ROUND));
+    f = CK(fma)(x, CK(all)(-CK_LOG2_E), CK(all)(CK_ROUND) - shifted);
+    p = CK(fma)(f, CK(polynomial_of_two)(f), CK(all)(1));
+    return CK(all)(1) / CK(fma)(p, CK(power_of_two)(CK(bits)(shifted)), CK(all)(1));
 }
 
 /* With e = exp(-2 |x|) - 1: tanh |x| = -e / (e + 2). */
@@ -292,4 +337,6 @@ CK_INLINE CK(v) CK(tanh)(CK(v) x)
 
 #undef LANES
 #undef AT
+#undef MASK
+#undef CK_ASSEMBLY
 #undef CK

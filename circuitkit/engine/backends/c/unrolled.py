@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+import numpy as np
+
 from circuitkit.engine.backends.c.constants import Constants
 from circuitkit.engine.backends.c.expression import print_expression
 from circuitkit.engine.backends.c.rows import first_read, lasting_rows, print_memories, written
@@ -16,6 +18,9 @@ from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray
 
 _LANES = 8
+# Vectors of members whose statements alternate: while one waits for a result, the processor does the other.
+_ABREAST = 2
+MEMBERS = _LANES * _ABREAST
 
 
 def print_unrolled(program: Program, constants: Constants, *, alone: bool) -> str:
@@ -33,16 +38,24 @@ def print_unrolled(program: Program, constants: Constants, *, alone: bool) -> st
 class _Printer:
     """Prints operations; what differs between one circuit and a batch is in `_Alone` and `_Batch`.
 
+    A line with an @ stands for as many lines as there are vectors abreast, with their numbers in its place.
+
     Attributes:
-        width: Members side by side, the number of lanes of the variables.
+        width: Numbers of a variable.
+        abreast: Vectors of members abreast.
+        suffix: What follows the names of variables, and `offset` a pointer to the first member.
     """
 
     width: int
+    abreast: int
+    suffix: str
+    offset: str
 
     def __init__(self, program: Program, constants: Constants) -> None:
         self.program = program
         self.constants = constants
         self.lines: list[str] = []
+        self.is_loop = False
         self._print: dict[type, Callable[..., None]] = {
             Sum: self._sum,
             Map: self._map,
@@ -55,94 +68,111 @@ class _Printer:
         """All of it."""
         kept = lasting_rows(self.program)
         head = [
-            f"#define CK_WIDTH {self.width}",
+            f"#define CK_WIDTH {self.width * self.abreast}",
             f"#define N_INPUTS {len(self.program.input_names)}",
             f"#define N_KEPT {len(kept)}",
             f"#define N_MEMORIES {len(self.program.memories)}",
             f"static const int32_t kept_rows[] = {{{', '.join(map(str, [*kept, 0]))}}};",
             *print_memories(self.program),
         ]
-        return "\n".join([*head, *self._step(kept)])
+        self._step(kept)
+        return "\n".join([*head, *(self._expanded(line) for line in self.lines)])
 
-    def _step(self, kept: Sequence[int]) -> Iterable[str]:
+    def _expanded(self, line: str) -> str:
+        if "@" not in line:
+            return line
+        return "\n".join(line.replace("@", str(vector)) for vector in range(self.abreast))
+
+    def _step(self, kept: Sequence[int]) -> None:
         program = self.program
         read, changed = first_read(program.operations), written(program.operations)
-        yield "CK_INLINE int step(const ck_context *c, real *restrict table,"
-        yield "    const int64_t stride, const int64_t at, int64_t *restrict places, const int64_t time)"
-        yield "{"
-        yield "const real *restrict shared = c->shared;"
-        yield "const real *restrict own = (const real *)c->own + at;"
+        self.lines += [
+            "CK_INLINE int step(const ck_context *c, real *restrict table,",
+            "    const int64_t stride, const int64_t at, int64_t *restrict places, const int64_t time)",
+            "{",
+            "const real *restrict shared = c->shared;",
+            "const real *restrict own = (const real *)c->own + at;",
+            "const uint64_t *seeds = c->seeds + at;",
+            "(void)shared, (void)own, (void)seeds, (void)places, (void)time, (void)stride;",
+        ]
         for memory in program.memories:
-            yield f"real *const ring{memory.memory} = (real *)c->rings[{memory.memory}] + at;"
-        yield "(void)shared, (void)own, (void)places, (void)time, (void)stride;"
+            self.lines.append(f"real *const ring{memory.memory} = (real *)c->rings[{memory.memory}] + at;")
         for row in sorted(read | changed | set(kept)):
             is_needed = row in read or row not in changed
-            yield f"v_{self.width} r{row}" + (f" = {self._loaded(row)};" if is_needed else ";")
+            loaded = f" = load_{self.width}({self._place('table', row)})" if is_needed else ""
+            self.lines.append(f"v_{self.width} {self._row(row)}{loaded};")
         self._do(program.before, "time")
         if program.substep:
             self.lines.append(f"for (int64_t sub = 0; sub < {program.substeps}; sub++) {{")
+            self.is_loop = True
             self._do(program.substep, f"(time * {program.substeps} + sub)")
+            self.is_loop = False
             self.lines.append("}")
-            self._forget()
         self._do(program.after, "time")
-        yield from self.lines
-        yield from self._end(kept, changed)
-        yield "}"
+        self._end(kept, changed)
+        self.lines.append("}")
 
     def _do(self, operations: Iterable[Operation], time: str) -> None:
         self._time = time
         for operation in operations:
             self._print[type(operation)](operation)
 
-    def _forget(self) -> None:
-        """What was noted about variables does not hold behind a loop."""
+    def _row(self, row: int) -> str:
+        return f"r{row}{self.suffix}"
 
-    def _loaded(self, row: int) -> str:
-        return f"load_{self.width}(table + {row} * stride)"
+    def _place(self, pointer: str, row: int | str) -> str:
+        return f"{pointer} + {row} * stride{self.offset}"
 
-    def _end(self, kept: Sequence[int], changed: set[int]) -> Iterable[str]:
+    def _assign(self, row: int, value: str) -> None:
+        self.lines.append(f"{self._row(row)} = {value};")
+
+    def _end(self, kept: Sequence[int], changed: set[int]) -> None:
+        """Stores the rows that last, and returns whether their sum is finite."""
         raise NotImplementedError
 
     def _map(self, operation: Map) -> None:
         raise NotImplementedError
 
-    def _weight(self, weights: FloatArray, k: int) -> str:
-        """C source for a constant with an index."""
-        w = self.width
-        if weights.ndim > 1 and w > 1:
-            return f"load_{w}(own + {self.constants.own(weights) + k} * stride)"
-        place = self.constants.share(weights)
-        return f"all_{w}(shared[{place + (k if weights.ndim else 0)}])"
+    def _constant(self, values: FloatArray, k: int) -> str:
+        """Number k of the constants, in all lanes or the one of each member."""
+        if values.ndim > 1 and self.width > 1:
+            return f"load_{self.width}({self._place('own', self.constants.own(values) + k)})"
+        return f"all_{self.width}(shared[{self.constants.share(values) + (k if values.ndim else 0)}])"
 
     def _sum(self, operation: Sum) -> None:
+        """Where all weights are 1 or -1 nothing is multiplied; other weights are data."""
+        weights = operation.weights
+        signs = weights if weights.ndim == 1 and (np.abs(weights) == 1.0).all() else None
         for i, row in enumerate(range(operation.start, operation.stop)):
-            terms = [f"r{row}"] if operation.add else []
+            text = self._row(row) if operation.add else ""
             for k in range(int(operation.indptr[i]), int(operation.indptr[i + 1])):
-                source = operation.base + int(operation.sources[k])
-                terms.append(f"{self._weight(operation.weights, k)} * r{source}")
-            self._assign(row, " + ".join(terms) or f"all_{self.width}(0)")
-
-    def _assign(self, row: int, value: str) -> None:
-        self.lines.append(f"r{row} = {value};")
+                source = self._row(operation.base + int(operation.sources[k]))
+                sign = "+ " if text else ""
+                if signs is not None:
+                    sign, product = ("- " if signs[k] < 0 else sign), source
+                else:
+                    product = f"{self._constant(weights, k)} * {source}"
+                text = f"{text} {sign}{product}"
+            self._assign(row, text or f"all_{self.width}(0)")
 
     def _noise(self, operation: Noise) -> None:
         for i, row in enumerate(range(operation.start, operation.stop)):
-            drawn = f"normal_{self.width}(c->seeds + at, {int(operation.streams[i])}, {self._time})"
-            self._assign(row, f"r{row} + {self._weight(operation.scale, i)} * {drawn}")
+            drawn = f"normal_{self.width}(seeds{self.offset}, {int(operation.streams[i])}, {self._time})"
+            self._assign(row, f"{self._row(row)} + {self._constant(operation.scale, i)} * {drawn}")
 
     def _recall(self, operation: Recall) -> None:
         memory = self.program.memories[operation.memory]
         name, n = operation.memory, len(memory.sources)
         for i, row in enumerate(range(operation.start, operation.stop)):
             place = f"ck_ago(places[{name}], {int(operation.steps[i])}, {memory.depth})"
-            slot = f"ring{name} + ({place} * {n} + {int(operation.slots[i])}) * stride"
+            slot = self._place(f"ring{name}", f"({place} * {n} + {int(operation.slots[i])})")
             self._assign(row, f"load_{self.width}({slot})")
 
     def _remember(self, operation: Remember) -> None:
         name, n = operation.memory, len(operation.sources)
         for i, row in enumerate(operation.sources.tolist()):
-            slot = f"ring{name} + (places[{name}] * {n} + {i}) * stride"
-            self.lines.append(f"store_{self.width}({slot}, r{row});")
+            slot = self._place(f"ring{name}", f"(places[{name}] * {n} + {i})")
+            self.lines.append(f"store_{self.width}({slot}, {self._row(row)});")
         self.lines.append(f"places[{name}] = ck_ago(places[{name}], -1, {operation.depth});")
 
 
@@ -150,31 +180,62 @@ class _Batch(_Printer):
     """Members side by side: every variable is a vector of a row of several members."""
 
     width = _LANES
+    abreast = _ABREAST
+    suffix = "_@"
+    offset = f" + {_LANES} * @"
+
+    def __init__(self, program: Program, constants: Constants) -> None:
+        super().__init__(program, constants)
+        self._last: dict[int, int] = {}  # line in which a row got its last value, if not in a loop
+
+    def _assign(self, row: int, value: str) -> None:
+        super()._assign(row, value)
+        self._note(row)
+
+    def _note(self, row: int) -> None:
+        self._last[row] = -1 if self.is_loop else len(self.lines) - 1
 
     def _map(self, operation: Map) -> None:
         for i in range(operation.count):
-            names = {name: f"r{row + i}" for name, row in operation.rows.items()}
-            names |= {name: f"r{int(rows[i])}" for name, rows in operation.picks.items()}
-            names |= {name: self._weight(values, i) for name, values in operation.constants.items()}
-            values = [print_expression(expression, names, self.width) for _, expression in operation.results]
-            assigned = [
-                f"v_{self.width} y{k} = {value}; " for k, value in enumerate(values)
-            ]  # all before the first one is written
-            written = [f"r{row + i} = y{k};" for k, (row, _) in enumerate(operation.results)]
-            self.lines.append("{ " + "".join(assigned) + " ".join(written) + " }")
+            names = {name: self._row(row + i) for name, row in operation.rows.items()}
+            names |= {name: self._row(int(rows[i])) for name, rows in operation.picks.items()}
+            names |= {name: self._constant(values, i) for name, values in operation.constants.items()}
+            line = ""
+            for k, (_, expression) in enumerate(operation.results):
+                line += f"const v_{self.width} y{k}_@ = {print_expression(expression, names, self.width)}; "
+            for k, (row, _) in enumerate(operation.results):  # all are read before the first one is written
+                line += f"{self._row(row + i)} = y{k}_@; "
+            self.lines.append(f"{{ {line}}}")
+            for row, _ in operation.results:
+                self._note(row + i)
 
-    def _end(self, kept: Sequence[int], changed: set[int]) -> Iterable[str]:
+    def _end(self, kept: Sequence[int], changed: set[int]) -> None:
+        """Stores each row as soon as it has its last value: many stores at the end would have to queue."""
+        start = next(i for i, line in enumerate(self.lines) if line.startswith(f"v_{self.width} "))
         for row in kept:
-            if row in changed:
-                yield f"store_{self.width}(table + {row} * stride, r{row});"
-        added = " + ".join(f"r{row}" for row in kept)
-        yield f"return ck_is_finite(total_{self.width}({added or 'all_8(0)'}));"
+            stored = (
+                f"store_{self.width}({self._place('table', row)}, {self._row(row)}); "
+                if row in changed
+                else ""
+            )
+            added = f"{stored}check_@ = check_@ + {self._row(row)};"
+            line = self._last.get(row, -1)
+            if line < 0:
+                self.lines.append(added)
+            else:
+                self.lines[line] += " " + added
+        self.lines.insert(start, f"v_{self.width} check_@ = all_{self.width}(0);")
+        total = " + ".join(f"check_{vector}" for vector in range(self.abreast))
+        self.lines.append(f"return ck_is_finite(total_{self.width}({total}));")
 
 
 class _Alone(_Printer):
     """One circuit: every variable is a number; the neurons of a `Map` are put side by side for it."""
 
     width = 1
+    abreast = 1
+    suffix = ""
+    offset = ""
 
     def __init__(self, program: Program, constants: Constants) -> None:
         super().__init__(program, constants)
@@ -186,9 +247,6 @@ class _Alone(_Printer):
     def _assign(self, row: int, value: str) -> None:
         self._vectors.pop(row, None)
         super()._assign(row, value)
-
-    def _forget(self) -> None:
-        self._vectors.clear()
 
     def _map(self, operation: Map) -> None:
         first = 0
@@ -203,7 +261,8 @@ class _Alone(_Printer):
             name: self._packed([int(rows[i]) for i in part], width) for name, rows in operation.picks.items()
         }
         names |= {
-            name: self._constant(values, part.start, width) for name, values in operation.constants.items()
+            name: self._packed_constants(values, part.start, width)
+            for name, values in operation.constants.items()
         }
         vectors = []
         for _, expression in operation.results:
@@ -215,7 +274,8 @@ class _Alone(_Printer):
         for vector, (start, _) in zip(vectors, operation.results, strict=True):
             for lane, i in enumerate(part):
                 self._assign(start + i, vector if width == 1 else f"{vector}[{lane}]")
-                self._vectors[start + i] = vector, width, lane
+                if not self.is_loop:
+                    self._vectors[start + i] = vector, width, lane
 
     def _packed(self, rows: Sequence[int], width: int) -> str:
         if width == 1:
@@ -223,28 +283,26 @@ class _Alone(_Printer):
         filled = [*rows, *[rows[-1]] * (width - len(rows))]
         return f"(v_{width}){{{', '.join(f'r{row}' for row in filled)}}}"
 
-    def _constant(self, values: FloatArray, first: int, width: int) -> str:
+    def _packed_constants(self, values: FloatArray, first: int, width: int) -> str:
         place = self.constants.share(values)
         return f"load_{width}(shared + {place + first})" if values.ndim else f"all_{width}(shared[{place}])"
 
-    def _end(self, kept: Sequence[int], changed: set[int]) -> Iterable[str]:
-        """Stores, together what stands in a vector in its order, and adds all up."""
+    def _end(self, kept: Sequence[int], changed: set[int]) -> None:
+        """Stores, together what stands in a vector in its order."""
         added: dict[int, list[str]] = {}
         rest = list(kept)
         while rest:
-            vector, width, lane = self._vectors.get(rest[0], ("", 1, 0))
-            whole = [(vector, width, k) for k in range(width)]
-            if width > 1 and lane == 0 and [self._vectors.get(rest[0] + k) for k in range(width)] == whole:
-                rows = rest[:width]
-            else:
-                rows, width = rest[:1], 1
-            value = f"r{rows[0]}" if width == 1 else vector
+            vector, width, _ = self._vectors.get(rest[0], ("", 1, 0))
+            whole = [(vector, width, lane) for lane in range(width)]
+            if width == 1 or [self._vectors.get(rest[0] + lane) for lane in range(width)] != whole:
+                width = 1
+            value = self._row(rest[0]) if width == 1 else vector
             added.setdefault(width, []).append(value)
-            if rows[0] in changed:
-                yield f"store_{width}(table + {rows[0]}, {value});"
-            del rest[: len(rows)]
+            if rest[0] in changed:
+                self.lines.append(f"store_{width}({self._place('table', rest[0])}, {value});")
+            del rest[:width]
         totals = [f"total_{width}({' + '.join(values)})" for width, values in added.items()]
-        yield f"return ck_is_finite({' + '.join(totals) or '0'});"
+        self.lines.append(f"return ck_is_finite({' + '.join(totals) or '0'});")
 
 
 def _width(count: int) -> int:
