@@ -64,8 +64,8 @@ class Formatted:
 
     def patch(self) -> Iterator[str]:
         """What changes, as lines of a unified diff; none if nothing changes."""
-        lines = (text.splitlines(keepends=True) for text in (self.before, self.after))
-        return difflib.unified_diff(*lines, str(self.path), f"{self.path} (normal form)")
+        before, after = (text.splitlines(keepends=True) for text in (self.before, self.after))
+        return difflib.unified_diff(before, after, str(self.path), f"{self.path} (normal form)")
 
     def write(self) -> None:
         """Put the normal form into the file, which keeps its permissions; nothing is done if it is there.

@@ -13,6 +13,7 @@ import numpy as np
 from circuitkit.circuit.graph import CircuitGraph, Neuron
 from circuitkit.circuit.models.model import ACTIVATION
 from circuitkit.draw.layers import make_layers
+from circuitkit.draw.network import make_network
 from circuitkit.draw.style import (
     CYCLE,
     DASHES,
@@ -25,7 +26,7 @@ from circuitkit.draw.style import (
     save_figure,
     tidy,
 )
-from circuitkit.draw.values import parameter_text
+from circuitkit.draw.wording import parameter_text
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.state import FloatArray
 from circuitkit.units import Unit
@@ -151,7 +152,7 @@ def activations_figure(graph: CircuitGraph) -> Figure:
 
 def make_panels(graph: CircuitGraph) -> list[Panel]:
     """Neurons grouped by layer, role and unit, no more than six curves together."""
-    layer_of = make_layers(graph).layer_of
+    layer_of = make_layers(make_network(graph)).layer_of
     groups: dict[tuple[int, str, Unit], list[Neuron]] = {}
     for neuron in graph.neurons:
         key = (layer_of[neuron.name], neuron.role, neuron.activation_unit)

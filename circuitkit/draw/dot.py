@@ -2,44 +2,58 @@
 
 from __future__ import annotations
 
-from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.draw.labels import label_texts
 from circuitkit.draw.layers import make_layers
+from circuitkit.draw.network import Network, Node
 from circuitkit.draw.style import FONT, GREY, KIND_COLOUR, NORMAL, ROLE_FILL, SMALL
 
 _SHAPE = {"input": "cds", "excitatory": "ellipse", "inhibitory": "octagon", "output": "box"}
-_HEAD = {"excitatory": "normal", "inhibitory": "tee", "sensorial": "vee", "readout": "normal"}
+_HEAD = {
+    "excitatory": "normal",
+    "inhibitory": "tee",
+    "sensorial": "vee",
+    "readout": "normal",
+    "gate": "odiamond",
+}
 
 
-def dot_text(graph: CircuitGraph) -> str:
-    """The circuit as a `digraph` from left to right."""
-    links = make_layers(graph).links
-    labels = label_texts(graph, links)
-    roles = {node.name: "input" for node in graph.inputs}
-    roles |= {neuron.name: neuron.role for neuron in graph.neurons}
-    roles |= {output.name: "output" for output in graph.outputs}
-    units = {node.name: node.unit for node in graph.inputs}
-    units |= {output.name: output.unit for output in graph.outputs}
+def dot_text(network: Network) -> str:
+    """The circuit as a `digraph` from left to right; instances of files are clusters."""
     lines = [
-        f"digraph {_quoted(graph.name)} {{",
+        f"digraph {_quoted(network.name)} {{",
         f"  graph [rankdir=LR, fontname={_quoted(FONT)}, nodesep=0.3, ranksep=0.7];",
         f"  node [style=filled, fontname={_quoted(FONT)}, fontsize={NORMAL:g}, color={_quoted(GREY)}];",
         f"  edge [fontname={_quoted(FONT)}, fontsize={SMALL:g}];",
     ]
-    for name, role in roles.items():
-        text = f"{name}\n[{units[name]}]" if name in units else name
-        attributes = {"label": text, "shape": _SHAPE[role], "fillcolor": ROLE_FILL[role]}
-        lines.append(f"  {_quoted(name)} [{_listed(attributes)}];")
-    for link in links:
+    for group in dict.fromkeys(node.group for node in network.nodes):
+        inside = [_node_line(node) for node in network.nodes if node.group == group]
+        if group:
+            head = f"  subgraph {_quoted(f'cluster_{group}')} {{"
+            inside = [head, f"    label={_quoted(group)};", *(f"  {line}" for line in inside), "  }"]
+        lines += inside
+    for link in make_layers(network).links:
         attributes = {"color": KIND_COLOUR[link.kind], "arrowhead": _HEAD[link.kind]}
-        if link in labels:
-            attributes["label"] = labels[link]
+        if link.label:
+            attributes["label"] = link.label
+        if link.kind == "gate":
+            attributes["style"] = "dashed"
         if link.backward:
             attributes["constraint"] = "false"
         lines.append(f"  {_quoted(link.source)} -> {_quoted(link.target)} [{_listed(attributes)}];")
-    for rank, nodes in (("source", graph.inputs), ("sink", graph.outputs)):
-        lines.append(f"  {{rank={rank}; {' '.join(f'{_quoted(node.name)};' for node in nodes)}}}")
+    for rank, role in (("source", "input"), ("sink", "output")):
+        names = (_quoted(node.name) for node in network.nodes if node.role == role)
+        lines.append(f"  {{rank={rank}; {' '.join(f'{name};' for name in names)}}}")
     return "\n".join([*lines, "}", ""])
+
+
+def _node_line(node: Node) -> str:
+    attributes = {
+        "label": "\n".join(node.lines[:2]),
+        "shape": _SHAPE[node.role],
+        "fillcolor": ROLE_FILL[node.role],
+    }
+    if node.size > 1:
+        attributes["peripheries"] = "3"
+    return f"  {_quoted(node.name)} [{_listed(attributes)}];"
 
 
 def _listed(attributes: dict[str, str]) -> str:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.draw.dot import dot_text
-from circuitkit.draw.layout import Layout, layout_circuit
+from circuitkit.draw.layout import Layout, arrange
 from circuitkit.draw.legend import Legend, make_legend
-from circuitkit.draw.marks import add_line, add_node, add_text
+from circuitkit.draw.marks import add_group, add_line, add_node, add_text
+from circuitkit.draw.network import Network, make_network
 from circuitkit.draw.page import add_tooltips, html_page, tooltips
 from circuitkit.draw.routing import Route
 from circuitkit.draw.style import (
@@ -48,23 +49,26 @@ def draw_circuit(graph: CircuitGraph, path: str | Path) -> None:
         OutputError: The file cannot be written.
     """
     write = _WRITERS[require_suffix(path, tuple(_WRITERS))]
-    write(graph, Path(path))
+    write(make_network(graph), Path(path))
 
 
-def circuit_figure(graph: CircuitGraph) -> Figure:
+def circuit_figure(network: Network) -> Figure:
     """The picture as a matplotlib figure, as large as the circuit asks for."""
-    layout = layout_circuit(graph)
+    layout = arrange(network)
     legend = make_legend(layout)
     width = max(layout.width, legend.width) + 2 * _MARGIN
-    height = layout.height + _LEGEND_GAP + legend.height + 2 * _MARGIN
+    above = max([0.0, *(-label.box.top for label in layout.labels)])  # words on the uppermost line
+    below = max([0.0, *(label.box.bottom - layout.height for label in layout.labels)])
+    drawn = above + layout.height + below
+    height = drawn + _LEGEND_GAP + legend.height + 2 * _MARGIN
     with house_style():
         figure = new_figure(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         axes.set(xlim=(0.0, width), ylim=(height, 0.0))
         left = (width - layout.width) / 2
-        _paint(axes, layout, (left, _MARGIN))
-        legend_at = ((width - legend.width) / 2, _MARGIN + layout.height + _LEGEND_GAP)
+        _paint(axes, layout, (left, _MARGIN + above))
+        legend_at = ((width - legend.width) / 2, _MARGIN + drawn + _LEGEND_GAP)
         _paint_legend(axes, legend, legend_at)
     return figure
 
@@ -77,6 +81,8 @@ def _paint(axes: Axes, layout: Layout, shift: tuple[float, float]) -> None:
     for level, routes in enumerate(by_source.values()):
         for route in routes:
             add_line(axes, route, shift, 2.0 + 0.01 * level)
+    for group in layout.groups:
+        add_group(axes, group, shift)
     for node in layout.nodes.values():
         add_node(axes, node, shift)
     for label in layout.labels:
@@ -95,32 +101,32 @@ def _paint_legend(axes: Axes, legend: Legend, shift: tuple[float, float]) -> Non
         add_text(axes, (x + shift[0], y + shift[1]), text, SMALL, INK, horizontalalignment="left")
 
 
-def svg_text(graph: CircuitGraph) -> str:
+def svg_text(network: Network) -> str:
     """The picture as SVG, with the details of every node and line as its tooltip."""
-    figure = circuit_figure(graph)
+    figure = circuit_figure(network)
     buffer = io.BytesIO()
     with house_style():
         figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return add_tooltips(buffer.getvalue().decode("utf-8"), tooltips(graph))
+    return add_tooltips(buffer.getvalue().decode("utf-8"), tooltips(network))
 
 
-def _write_picture(graph: CircuitGraph, path: Path) -> None:
-    save_figure(circuit_figure(graph), path)
+def _write_picture(network: Network, path: Path) -> None:
+    save_figure(circuit_figure(network), path)
 
 
-def _write_svg(graph: CircuitGraph, path: Path) -> None:
-    write_text(path, svg_text(graph))
+def _write_svg(network: Network, path: Path) -> None:
+    write_text(path, svg_text(network))
 
 
-def _write_html(graph: CircuitGraph, path: Path) -> None:
-    write_text(path, html_page(graph, svg_text(graph)))
+def _write_html(network: Network, path: Path) -> None:
+    write_text(path, html_page(network, svg_text(network)))
 
 
-def _write_dot(graph: CircuitGraph, path: Path) -> None:
-    write_text(path, dot_text(graph))
+def _write_dot(network: Network, path: Path) -> None:
+    write_text(path, dot_text(network))
 
 
-_WRITERS: Mapping[str, Callable[[CircuitGraph, Path], None]] = {
+_WRITERS: Mapping[str, Callable[[Network, Path], None]] = {
     ".png": _write_picture,
     ".svg": _write_svg,
     ".pdf": _write_picture,

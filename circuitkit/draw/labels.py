@@ -1,18 +1,16 @@
-"""Weights beside the lines: where they hide nothing."""
+"""Words on the lines: where they hide nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.draw.layers import Link
+from circuitkit.draw.network import Link
 from circuitkit.draw.routing import HEAD, Route
-from circuitkit.draw.shapes import Box, text_size
-from circuitkit.draw.style import SMALL, number
-from circuitkit.units import DIMENSIONLESS, Unit
+from circuitkit.draw.shapes import Box, block_size
+from circuitkit.draw.style import SMALL
 
 _MARGIN = 1.5
 _CANDIDATES = 48
@@ -20,11 +18,11 @@ _CANDIDATES = 48
 
 @dataclass(frozen=True)
 class Label:
-    """A weight in the drawing; it stands on the line of its link.
+    """The words on a line.
 
     Attributes:
         link: The link.
-        text: The weight with its unit.
+        text: The words, on one line of text or two.
         box: Extent of the text.
         hides: How many points of other lines lie under it.
     """
@@ -35,38 +33,10 @@ class Label:
     hides: int
 
 
-def label_texts(graph: CircuitGraph, links: Iterable[Link]) -> dict[Link, str]:
-    """What stands on each line: the weight in the units of its ends, unless that follows from the line.
-
-    A weight of 1 needs no label, nor does -1 on an inhibitory line. All are compared in SI units.
-    """
-    return {
-        link: weight_text(graph, link)
-        for link in links
-        if link.weight != 1.0 and not (link.weight == -1.0 and link.kind == "inhibitory")
-    }
-
-
-def weight_text(graph: CircuitGraph, link: Link) -> str:
-    """The weight of a link in the unit of its target over the unit of its source, such as `-2 mm/N`."""
-    units: dict[str, Unit] = {node.name: node.unit for node in graph.inputs}
-    units |= {output.name: output.unit for output in graph.outputs}
-    units |= {neuron.name: neuron.activation_unit for neuron in graph.neurons if neuron.name == link.target}
-    target, source = units[link.target], units.get(link.source, DIMENSIONLESS)
-    if source.dimension == target.dimension:
-        return number(link.weight)
-    above = "" if target.symbol == "1" else target.symbol
-    below = "" if source.symbol == "1" else f"/{source.symbol}"
-    return f"{number(link.weight * source.scale / target.scale)} {above}{below}"
-
-
-def place_labels(
-    texts: Mapping[Link, str], routes: Sequence[Route], nodes: Sequence[Box]
-) -> tuple[list[Label], list[Link]]:
+def place_labels(routes: Sequence[Route], nodes: Sequence[Box]) -> tuple[list[Label], list[Link]]:
     """Put every label on its line where it covers no node, no label, and as few other lines as possible.
 
     Args:
-        texts: The labels.
         routes: All lines.
         nodes: Extents of all nodes.
 
@@ -77,10 +47,10 @@ def place_labels(
     placed: list[Label] = []
     homeless: list[Link] = []
     for i, route in sorted(enumerate(routes), key=lambda each: len(each[1].polyline)):
-        if route.link not in texts:
+        if not route.link.label:
             continue
         taken = [*nodes, *(label.box for label in placed)]
-        label = _best_place(texts[route.link], route, cloud.without(i), taken)
+        label = _best_place(route.link.label, route, cloud.without(i), taken)
         if label is None:
             homeless.append(route.link)
         else:
@@ -90,7 +60,7 @@ def place_labels(
 
 def _best_place(text: str, route: Route, others: Callable[[Box], int], taken: Sequence[Box]) -> Label | None:
     """The place that hides least of the other lines, and then the one nearest to three fifths of the way."""
-    width, height = (size + 2 * _MARGIN for size in text_size(text, SMALL))
+    width, height = (size + 2 * _MARGIN for size in block_size(text, SMALL))
     line = route.polyline
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     found: Label | None = None

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from circuitkit.draw.layers import Layers, Link
+from circuitkit.draw.layers import Layers
+from circuitkit.draw.network import Link
 from circuitkit.draw.routing import End
 from circuitkit.draw.shapes import Box
 
@@ -45,7 +46,8 @@ class Lanes:
         for link in links:
             loop = link.source == link.target
             self._arriving[link] = self._take(link.target, _LOOP_PORTS if loop else 1)
-            self._lanes[link.target] += loop and abs(link.weight) != 1.0  # room for its label
+            if loop and link.label:  # room for its label
+                self._lanes[link.target] += 1 + 2 * link.label.count("\n")
 
     def _take(self, name: str, ports: int) -> tuple[int, int]:
         """The next lane and the last of the next ports of a node."""

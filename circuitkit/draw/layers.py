@@ -8,39 +8,15 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TypeAlias
 
 import networkx as nx
 
-from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.draw.network import Link, Network
 
 _SWEEPS = 24
-
-
-@dataclass(frozen=True)
-class Link:
-    """A line of the drawing: a synapse or a readout.
-
-    Attributes:
-        source: Name of a node.
-        target: Name of a node.
-        kind: "sensorial", "excitatory", "inhibitory" or "readout".
-        weight: Signed weight, [SI].
-        backward: Whether it goes back inside a cycle, to the same layer or to one further left.
-    """
-
-    source: str
-    target: str
-    kind: str
-    weight: float
-    backward: bool
-
-    @property
-    def way(self) -> str:
-        """Links of one source that go the same way share their bends."""
-        return "readout" if self.kind == "readout" else "backward" if self.backward else "forward"
 
 
 @dataclass(frozen=True)
@@ -63,21 +39,24 @@ class Layers:
         order: The items of each layer from top to bottom.
         layer_of: Layer of each node.
         links: All links.
+        bands: Where instances are kept apart: the band of every item in the layers that they reach; see
+            `make_bands`.
     """
 
     order: tuple[tuple[Item, ...], ...]
     layer_of: Mapping[str, int]
     links: tuple[Link, ...]
+    bands: Mapping[Item, int] = field(default_factory=dict)
 
     def stops(self, link: Link) -> list[Item]:
         """The source, the bends and the target of a link, in the direction of the link."""
         return _stops(link, self.layer_of)
 
 
-def make_layers(graph: CircuitGraph) -> Layers:
+def make_layers(network: Network) -> Layers:
     """The layers of a circuit: inputs first, outputs last, neurons by the longest path between them."""
-    layer_of = _layer_of(graph)
-    links = _links(graph, layer_of)
+    layer_of = _layer_of(network)
+    links = tuple(_directed(link, layer_of) for link in network.links)
     segments = {pair for link in links for pair in _segments(_stops(link, layer_of), layer_of)}
     start: list[list[Item]] = [[] for _ in range(max(layer_of.values(), default=0) + 1)]
     for name, layer in layer_of.items():
@@ -86,54 +65,45 @@ def make_layers(graph: CircuitGraph) -> Layers:
     position = {name: i for i, name in enumerate(layer_of)}
     for bend in sorted(bends, key=lambda bend: (position[bend.source], bend.layer, bend.way)):
         start[bend.layer].append(bend)
-    order = _fewest_crossings(start, segments)
-    return Layers(tuple(tuple(layer) for layer in order), layer_of, links)
+    bands = make_bands(network, layer_of, links, bends)
+    order = _fewest_crossings(start, segments, bands)
+    return Layers(tuple(tuple(layer) for layer in order), layer_of, links, bands)
 
 
-def _links(graph: CircuitGraph, layer_of: Mapping[str, int]) -> tuple[Link, ...]:
-    def backward(source: str, target: str) -> bool:
-        return layer_of[source] >= layer_of[target]
-
-    synapses = (
-        Link(s.source, s.target, s.kind, s.weight, backward(s.source, s.target)) for s in graph.synapses
-    )
-    readouts = (
-        Link(neuron, output.name, "readout", weight, backward=False)
-        for output in graph.outputs
-        for neuron, weight in output.readout
-    )
-    return (*synapses, *readouts)
+def _directed(link: Link, layer_of: Mapping[str, int]) -> Link:
+    backward = link.kind != "readout" and layer_of[link.source] >= layer_of[link.target]
+    return replace(link, backward=backward)
 
 
-def _layer_of(graph: CircuitGraph) -> dict[str, int]:
+def _layer_of(network: Network) -> dict[str, int]:
     """The longest path from the inputs; then nodes move right, next to their targets, where more links leave.
 
     In a cycle, synapses from a neuron to one above it in the file do not count: as in the timing `ordered`,
     they bring the value of the last tick.
     """
-    network = nx.DiGraph((synapse.source, synapse.target) for synapse in graph.synapses)
-    cycles = nx.strongly_connected_components(network)
+    names = [node.name for node in network.nodes]
+    whole = nx.DiGraph((link.source, link.target) for link in network.links if link.kind != "readout")
+    cycles = nx.strongly_connected_components(whole)
     cycle_of = {name: i for i, cycle in enumerate(cycles) for name in cycle}
-    position = {name: i for i, name in enumerate(graph.names())}
+    position = {name: i for i, name in enumerate(names)}
     forward = nx.DiGraph()
-    forward.add_nodes_from(graph.names())
+    forward.add_nodes_from(names)
     forward.add_edges_from(
         (source, target)
-        for source, target in network.edges
+        for source, target in whole.edges
         if cycle_of[source] != cycle_of[target] or position[source] < position[target]
     )
-    forward.add_edges_from((neuron, output.name) for output in graph.outputs for neuron, _ in output.readout)
-    inputs = {node.name for node in graph.inputs}
-    outputs = {output.name for output in graph.outputs}
-    layer = {name: 0 if name in inputs else 1 for name in graph.names()}
+    readouts = [(link.source, link.target) for link in network.links if link.kind == "readout"]
+    forward.add_edges_from(readouts)
+    inputs = {node.name for node in network.nodes if node.role == "input"}
+    outputs = {node.name for node in network.nodes if node.role == "output"}
+    layer = {name: 0 if name in inputs else 1 for name in names}
     ordered = list(nx.topological_sort(forward))
     for name in ordered:
         for target in forward.successors(name):
             layer[target] = max(layer[target], layer[name] + 1)
-    last = max(
-        [layer[output] for output in outputs] + [layer[neuron.name] + 1 for neuron in graph.neurons],
-        default=1,
-    )
+    neurons = [name for name in names if name not in inputs and name not in outputs]
+    last = max([layer[name] for name in outputs] + [layer[name] + 1 for name in neurons], default=1)
     layer |= dict.fromkeys(outputs, last)
     for name in reversed(ordered):
         if name in inputs or name in outputs or forward.in_degree(name) >= max(1, forward.out_degree(name)):
@@ -161,21 +131,54 @@ def layer_at(item: Item, layer_of: Mapping[str, int]) -> int:
     return item.layer if isinstance(item, Bend) else layer_of[item]
 
 
-def _fewest_crossings(start: list[list[Item]], segments: set[tuple[Item, Item]]) -> list[list[Item]]:
+def make_bands(
+    network: Network, layer_of: Mapping[str, int], links: Iterable[Link], bends: Iterable[Bend]
+) -> dict[Item, int]:
+    """The band in which an item stands, one for each instance from top to bottom, so that none mix.
+
+    Only items in layers that some instance reaches have a band; what belongs to no instance and leads to
+    none has the one below all others.
+    """
+    group_of = {node.name: node.group for node in network.nodes}
+    inside = [node for node in network.nodes if node.group and node.role not in {"input", "output"}]
+    if not inside:
+        return {}
+    rank = {name: i for i, name in enumerate(dict.fromkeys(node.group for node in inside))}
+    covered: set[int] = set()
+    for group in rank:
+        own = [layer_of[node.name] for node in inside if node.group == group]
+        covered |= set(range(min(own), max(own) + 1))
+    bands: dict[Item, int] = {}
+    for node in network.nodes:
+        if layer_of[node.name] in covered:
+            bands[node.name] = rank.get(node.group, len(rank))
+    leads_to: dict[tuple[str, str], str] = {}
+    for link in links:
+        leads_to.setdefault((link.source, link.way), group_of[link.target])
+    for bend in bends:
+        if bend.layer in covered:
+            group = group_of[bend.source] or leads_to[bend.source, bend.way]
+            bands[bend] = rank.get(group, len(rank))
+    return bands
+
+
+def _fewest_crossings(
+    start: list[list[Item]], segments: set[tuple[Item, Item]], bands: Mapping[Item, int]
+) -> list[list[Item]]:
     left: dict[Item, list[Item]] = {item: [] for layer in start for item in layer}
     right: dict[Item, list[Item]] = {item: [] for layer in start for item in layer}
     rank = {item: (layer, i) for layer, items in enumerate(start) for i, item in enumerate(items)}
     for one, other in sorted(segments, key=lambda pair: (rank[pair[0]], rank[pair[1]])):
         right[one].append(other)
         left[other].append(one)
-    best, fewest = [list(layer) for layer in start], None
-    order = [list(layer) for layer in start]
+    order = [sorted(layer, key=lambda item: bands.get(item, 0)) for layer in start]
+    best, fewest = [list(layer) for layer in order], None
     for sweep in range(_SWEEPS):
         forward = sweep % 2 == 0
         neighbours = left if forward else right
         for layer in order if forward else reversed(order):
-            _sort_by_neighbours(layer, neighbours, order)
-        _swap_neighbours(order, left, right)
+            _sort_by_neighbours(layer, neighbours, order, bands)
+        _swap_neighbours(order, left, right, bands)
         crossings = sum(_crossings(one, other, right) for one, other in pairwise(order))
         if fewest is None or crossings < fewest:
             best, fewest = [list(layer) for layer in order], crossings
@@ -183,9 +186,12 @@ def _fewest_crossings(start: list[list[Item]], segments: set[tuple[Item, Item]])
 
 
 def _sort_by_neighbours(
-    layer: list[Item], neighbours: Mapping[Item, Sequence[Item]], order: Sequence[Sequence[Item]]
+    layer: list[Item],
+    neighbours: Mapping[Item, Sequence[Item]],
+    order: Sequence[Sequence[Item]],
+    bands: Mapping[Item, int],
 ) -> None:
-    """Sort by the mean position of the neighbours; who has none keeps the place among the others."""
+    """Sort by band, then by the mean position of the neighbours; who has none keeps the place it has."""
     place = _places(order)
     middle = {
         item: sum(place[each] for each in neighbours[item]) / len(neighbours[item])
@@ -193,7 +199,7 @@ def _sort_by_neighbours(
         else place[item]
         for item in layer
     }
-    layer.sort(key=lambda item: middle[item])
+    layer.sort(key=lambda item: (bands.get(item, 0), middle[item]))
 
 
 def _places(order: Iterable[Sequence[Item]]) -> dict[Item, float]:
@@ -202,7 +208,10 @@ def _places(order: Iterable[Sequence[Item]]) -> dict[Item, float]:
 
 
 def _swap_neighbours(
-    order: Sequence[list[Item]], left: Mapping[Item, Sequence[Item]], right: Mapping[Item, Sequence[Item]]
+    order: Sequence[list[Item]],
+    left: Mapping[Item, Sequence[Item]],
+    right: Mapping[Item, Sequence[Item]],
+    bands: Mapping[Item, int],
 ) -> None:
     """Swap two neighbours wherever this takes crossings away, until it no longer does."""
     for layer in order:
@@ -212,6 +221,8 @@ def _swap_neighbours(
             improved = False
             for i in range(len(layer) - 1):
                 one, other = layer[i], layer[i + 1]
+                if bands.get(one, 0) != bands.get(other, 0):
+                    continue
                 now = sum(_crossed(side[one], side[other], place) for side in (left, right))
                 swapped = sum(_crossed(side[other], side[one], place) for side in (left, right))
                 if swapped < now:

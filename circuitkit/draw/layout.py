@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode
-from circuitkit.draw.labels import Label, label_texts, place_labels
+from circuitkit.draw.labels import Label, place_labels
 from circuitkit.draw.lanes import Lanes
-from circuitkit.draw.layers import Bend, Item, Layers, Link, layer_at, make_layers
-from circuitkit.draw.placing import place_vertically
+from circuitkit.draw.layers import Bend, Item, Layers, layer_at, make_layers
+from circuitkit.draw.network import Link, Network, Node
+from circuitkit.draw.placing import place_vertically, separate_bands
 from circuitkit.draw.routing import (
     Column,
     End,
@@ -20,14 +20,16 @@ from circuitkit.draw.routing import (
     forward_route,
     ports,
 )
-from circuitkit.draw.shapes import Box, text_size
-from circuitkit.draw.style import NORMAL, SMALL, number
+from circuitkit.draw.shapes import LINE_HEIGHT, Box, block_size, text_size
+from circuitkit.draw.style import NORMAL, SMALL
 
 _NODE_GAP = 18.0
 _NODE_HEIGHT = 26.0
 _PORT, _OUT_PORT = 10.0, 6.0
 _PAD = 7.0
-_LINE = 1.25  # distance of lines of text in units of their size
+_SHAPES = {"input": "tag", "output": "rectangle", "excitatory": "capsule", "inhibitory": "octagon"}
+_STACK = 3.0  # by how much the outlines of a population stand apart, [pt]
+_GROUP_PAD, _GROUP_TITLE = 10.0, 13.0  # around the nodes of an instance, and for its name, [pt]
 _GAP_LEAST, _GAP_MOST, _GAP_SLOPE = 48.0, 170.0, 0.75
 _ATTEMPTS = 5
 _WIDER = 1.35
@@ -43,12 +45,22 @@ class NodeBox:
         shape: Its outline.
         lines: Its text, the name first.
         box: Its extent.
+        stack: By how much two further outlines stick out behind it, to the right and up, [pt]; 0 for none.
     """
 
     name: str
     role: str
     shape: str
     lines: tuple[str, ...]
+    box: Box
+    stack: float = 0.0
+
+
+@dataclass(frozen=True)
+class GroupBox:
+    """The frame around the neurons of an instance of a file, with its name at the upper left."""
+
+    name: str
     box: Box
 
 
@@ -60,9 +72,10 @@ class Layout:
         nodes: By name.
         routes: The lines of all links.
         labels: The weights that are shown.
-        homeless: Links whose weight found no free place.
+        homeless: Links whose words found no free place.
         width: Of everything, [pt].
         height: Of everything, [pt].
+        groups: The frames of instances.
     """
 
     nodes: Mapping[str, NodeBox]
@@ -71,6 +84,7 @@ class Layout:
     homeless: tuple[Link, ...]
     width: float
     height: float
+    groups: tuple[GroupBox, ...] = ()
 
     @property
     def cost(self) -> tuple[int, int]:
@@ -78,64 +92,95 @@ class Layout:
         return len(self.homeless), sum(label.hides for label in self.labels)
 
 
-def layout_circuit(graph: CircuitGraph) -> Layout:
-    """Arrange a circuit from left to right; gaps grow until every label has a place of its own."""
-    layers = make_layers(graph)
-    texts = label_texts(graph, layers.links)
-    best = _arrange(graph, layers, texts, 1.0)
+def arrange(network: Network) -> Layout:
+    """Arrange a network from left to right; gaps grow until every label has a place of its own."""
+    layers = make_layers(network)
+    best = _arrange(network, layers, 1.0)
     for attempt in range(1, _ATTEMPTS):
         if best.cost == (0, 0):
             break
-        best = min(best, _arrange(graph, layers, texts, _WIDER**attempt), key=lambda layout: layout.cost)
+        best = min(best, _arrange(network, layers, _WIDER**attempt), key=lambda layout: layout.cost)
     return best
 
 
-def _arrange(graph: CircuitGraph, layers: Layers, texts: Mapping[Link, str], stretch: float) -> Layout:
+def _arrange(network: Network, layers: Layers, stretch: float) -> Layout:
     arrivals = Counter(link.target for link in layers.links if not link.backward)
     lanes = Lanes(layers)
-    every: tuple[InputNode | Neuron | OutputNode, ...] = (*graph.inputs, *graph.neurons, *graph.outputs)
-    faces = {node.name: _face(node, arrivals[node.name], lanes.width(node.name)) for node in every}
+    faces = {node.name: _face(node, arrivals[node.name], lanes.width(node.name)) for node in network.nodes}
     reach: dict[Item, tuple[float, float]] = {}
     for layer in layers.order:
         for item in layer:
             reach[item] = (2.0, 2.0) if isinstance(item, Bend) else _reach(faces[item], lanes)
     pairs = {pair for link in layers.links for pair in _pairs(link, layers)}
     heights = place_vertically(layers.order, sorted(pairs, key=str), reach, _NODE_GAP)
-    columns = _columns(layers, faces, heights, texts, stretch)
+    if layers.bands:
+        free = 2 * _GROUP_PAD + _GROUP_TITLE + _NODE_GAP / 2
+        heights = separate_bands(layers.order, heights, reach, layers.bands, free)
+        heights = {item: height + _GROUP_PAD + _GROUP_TITLE for item, height in heights.items()}
+    columns = _columns(layers, faces, heights, stretch)
     nodes = {
-        name: _stand(face, columns[layers.layer_of[name]], heights[name]) for name, face in faces.items()
+        name: replace(face, box=_stand(face.box, columns[layers.layer_of[name]], heights[name]))
+        for name, face in faces.items()
     }
     routes = _routes(layers, nodes, heights, columns, lanes)
-    labels, homeless = place_labels(texts, routes, [node.box for node in nodes.values()])
+    labels, homeless = place_labels(routes, [_whole(node) for node in nodes.values()])
+    groups = _groups(network, layers, columns, {item: heights[item] for item in layers.bands}, reach)
     bottom = max((heights[item] + reach[item][1] for item in heights), default=0.0)
-    return Layout(nodes, tuple(routes), tuple(labels), tuple(homeless), columns[-1].right, bottom)
+    bottom = max([bottom, *(group.box.bottom for group in groups)])
+    return Layout(nodes, tuple(routes), tuple(labels), tuple(homeless), columns[-1].right, bottom, groups)
 
 
-def _face(node: InputNode | Neuron | OutputNode, arrivals: int, least_width: float) -> NodeBox:
+def _groups(
+    network: Network,
+    layers: Layers,
+    columns: list[Column],
+    heights: Mapping[Item, float],
+    reach: Mapping[Item, tuple[float, float]],
+) -> tuple[GroupBox, ...]:
+    """The frame of every instance: its columns across, its band in height."""
+    found = []
+    for group in dict.fromkeys(node.group for node in network.nodes if node.group):
+        names = [node.name for node in network.nodes if node.group == group]
+        band = layers.bands[names[0]]
+        own = [item for item in heights if layers.bands[item] == band]
+        left = min(columns[layers.layer_of[name]].left for name in names) - _GROUP_PAD
+        right = max(columns[layers.layer_of[name]].right for name in names) + _GROUP_PAD
+        top = min(heights[item] - reach[item][0] for item in own) - _GROUP_PAD - _GROUP_TITLE
+        bottom = max(heights[item] + reach[item][1] for item in own) + _GROUP_PAD
+        found.append(GroupBox(group, Box((left + right) / 2, (top + bottom) / 2, right - left, bottom - top)))
+    return tuple(found)
+
+
+def _face(node: Node, arrivals: int, least_width: float) -> NodeBox:
     """A node with its size, at the origin."""
-    lines: tuple[str, ...]
-    match node:
-        case InputNode():
-            role, shape, lines = "input", "tag", (node.name, f"[{node.unit}]")
-        case OutputNode():
-            role, shape, lines = "output", "rectangle", (node.name, f"[{node.unit}]")
-            if node.leak is not None:
-                lines = (*lines, f"sum, leak {number(100 * node.leak)} %" if node.leak else "sum")
-        case Neuron():
-            role, lines = node.role, (node.name,)
-            shape = "capsule" if node.role == "excitatory" else "octagon"
+    lines, shape = node.lines, _SHAPES[node.role]
     widths = [text_size(lines[0], NORMAL)[0], *(text_size(line, SMALL)[0] for line in lines[1:])]
-    tall = NORMAL * _LINE + SMALL * _LINE * (len(lines) - 1) + 2 * _PAD
+    tall = NORMAL * LINE_HEIGHT + SMALL * LINE_HEIGHT * (len(lines) - 1) + 2 * _PAD
     height = max(_NODE_HEIGHT, tall if len(lines) > 1 else 0.0, _PORT * arrivals + 8.0)
     extra = {"tag": 10.0, "capsule": 4.0}.get(shape, 2.0)
     wide = max(widths) + 2 * _PAD + (extra if len(lines) > 1 else 0.0)
     width = max(_NODE_HEIGHT, least_width, wide)
-    return NodeBox(node.name, role, shape, lines, Box(0.0, 0.0, width, height))
+    return NodeBox(
+        node.name, node.role, shape, lines, Box(0.0, 0.0, width, height), _STACK if node.size > 1 else 0.0
+    )
+
+
+def _whole(node: NodeBox) -> Box:
+    """The extent of a node with the outlines behind it."""
+    more = 2 * node.stack
+    return Box(node.box.x + more / 2, node.box.y - more / 2, node.box.width + more, node.box.height + more)
+
+
+def _rear(node: NodeBox) -> Box:
+    """The hindmost outline of a node, which lines from above meet and lines to the right leave from."""
+    return replace(node.box, x=node.box.x + 2 * node.stack, y=node.box.y - 2 * node.stack)
 
 
 def _reach(face: NodeBox, lanes: Lanes) -> tuple[float, float]:
-    half, beyond = face.box.height / 2, lanes.reach(face.name)
-    return (half + beyond, half) if lanes.side[face.name] < 0 else (half, half + beyond)
+    half, beyond, stack = face.box.height / 2, lanes.reach(face.name), 2 * face.stack
+    if lanes.side[face.name] < 0:
+        return half + stack + beyond, half
+    return half + stack, half + beyond
 
 
 def _pairs(link: Link, layers: Layers) -> list[tuple[Item, Item]]:
@@ -151,7 +196,6 @@ def _columns(
     layers: Layers,
     faces: Mapping[str, NodeBox],
     heights: Mapping[Item, float],
-    texts: Mapping[Link, str],
     stretch: float,
 ) -> list[Column]:
     """Columns as wide as their widest node; gaps as wide as their steepest line and their labels ask for."""
@@ -161,22 +205,25 @@ def _columns(
         for one, other in _pairs(link, layers):
             gap = min(layer_at(one, layers.layer_of), layer_at(other, layers.layer_of))
             rise[gap] = max(rise[gap], abs(heights[one] - heights[other]))
-        if link in texts:
+        if link.label:
             gap = min(layers.layer_of[link.target], layers.layer_of[link.source] + 1) - 1
-            words[max(gap, 0)] = max(words[max(gap, 0)], text_size(texts[link], SMALL)[0])
+            words[max(gap, 0)] = max(words[max(gap, 0)], block_size(link.label, SMALL)[0])
     columns: list[Column] = []
     x = 0.0
     for layer, items in enumerate(layers.order):
-        width = max((faces[item].box.width for item in items if isinstance(item, str)), default=0.0)
+        width = max((_width(faces[item]) for item in items if isinstance(item, str)), default=0.0)
         columns.append(Column(x, x + width))
-        free = min(max(_GAP_LEAST, _GAP_SLOPE * rise[layer]), _GAP_MOST) + 1.2 * words[layer]
+        free = min(max(_GAP_LEAST, _GAP_SLOPE * rise[layer]), _GAP_MOST) + 1.3 * words[layer]
         x += width + free * stretch
     return columns
 
 
-def _stand(face: NodeBox, column: Column, height: float) -> NodeBox:
-    box = Box((column.left + column.right) / 2, height, face.box.width, face.box.height)
-    return NodeBox(face.name, face.role, face.shape, face.lines, box)
+def _width(face: NodeBox) -> float:
+    return face.box.width + 4 * face.stack
+
+
+def _stand(box: Box, column: Column, height: float) -> Box:
+    return Box((column.left + column.right) / 2, height, box.width, box.height)
 
 
 def _routes(
@@ -193,11 +240,14 @@ def _routes(
         ends = (layers.layer_of[link.source], layers.layer_of[link.target])
         bends = [(item.layer, heights[item]) for item in layers.stops(link) if isinstance(item, Bend)]
         if not link.backward:
-            departure = End(source.box, source.shape, leave[link])
+            departure = End(_rear(source), source.shape, leave[link])
             arrival = End(target.box, target.shape, arrive[link])
             routes.append(forward_route(link, departure, arrival, bends, columns, ends))
             continue
-        out, back = lanes.ends(link, (source.box, source.shape), (target.box, target.shape))
+        meets = [
+            (_rear(node) if lanes.side[node.name] < 0 else node.box, node.shape) for node in (source, target)
+        ]
+        out, back = lanes.ends(link, meets[0], meets[1])
         routes.append(backward_route(link, out, back, bends, columns, ends))
     return routes
 

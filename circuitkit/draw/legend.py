@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from circuitkit.draw.layers import Link
 from circuitkit.draw.layout import Layout, NodeBox
+from circuitkit.draw.network import Link
 from circuitkit.draw.routing import Route
 from circuitkit.draw.shapes import Box, text_size
 from circuitkit.draw.style import SMALL
@@ -27,6 +27,7 @@ _KINDS = {
     "excitatory": "excites",
     "inhibitory": "inhibits",
     "readout": "is read out",
+    "gate": "scales a synapse",
 }
 
 
@@ -50,10 +51,10 @@ def make_legend(layout: Layout) -> Legend:
     entries = [(_ROLES[role][1], role) for role in roles] + [(_KINDS[kind], kind) for kind in kinds]
     if arcs:
         entries.append(("arc back: closes a cycle", ""))
-    if len(layout.labels) + len(layout.homeless) < len(links):
+    if any(not link.label for link in links):
         entries.append(("a line without weight: 1, or \N{MINUS SIGN}1 if it inhibits", ""))
     if layout.homeless:
-        entries.append((f"{len(layout.homeless)} weights have no room", ""))
+        entries.append((f"{len(layout.homeless)} lines have words without room", ""))
     return _flow(entries, max(layout.width, _LEAST_WIDTH), len(roles))
 
 
@@ -73,7 +74,7 @@ def _flow(entries: Sequence[tuple[str, str]], width: float, n_roles: int) -> Leg
             box = Box(x + _SAMPLE / 2, y, _SAMPLE, 13.0)
             nodes.append(NodeBox(f"legend {what}", what, _ROLES[what][0], ("",), box))
         elif what:
-            link = Link("legend", what, what, 1.0, backward=False)
+            link = Link("legend", what, what)
             routes.append(Route(link, ((x, y), (x + _SAMPLE, y)), "ML", (1.0, 0.0)))
         texts.append((x + sample, y, text))
         x += needed

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from circuitkit.draw.layout import NodeBox
+from circuitkit.draw.layout import GroupBox, NodeBox
+from circuitkit.draw.network import Link
 from circuitkit.draw.routing import Route
-from circuitkit.draw.shapes import Outline, Point, capsule, octagon, rectangle, tag
+from circuitkit.draw.shapes import LINE_HEIGHT, Outline, Point, capsule, octagon, rectangle, tag
 from circuitkit.draw.style import (
     EXCITATORY,
     GREY,
@@ -35,9 +36,10 @@ def node_id(name: str) -> str:
     return f"node-{name}"
 
 
-def line_ids(source: str, target: str) -> tuple[str, str, str]:
+def line_ids(link: Link) -> tuple[str, str, str]:
     """Identifiers of the parts of a line in an SVG: the stroke, its white rim, its head."""
-    return f"line-{source}-{target}", f"rim-{source}-{target}", f"head-{source}-{target}"
+    name = f"{link.source}-{link.target}" + (f"-{link.number}" if link.number else "")
+    return f"line-{name}", f"rim-{name}", f"head-{name}"
 
 
 def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
@@ -46,15 +48,17 @@ def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
 
     x, y = node.box.x + shift[0], node.box.y + shift[1]
     outline = _OUTLINES[node.shape](node.box.width, node.box.height)
-    patch = PathPatch(
-        _path(outline, (x, y)),
-        facecolor=ROLE_FILL[node.role],
-        edgecolor=_ROLE_RIM[node.role],
-        linewidth=1.2,
-        zorder=4.0,
-    )
-    patch.set_gid(node_id(node.name))
-    axes.add_patch(patch)
+    for layer in (2, 1, 0) if node.stack else (0,):
+        patch = PathPatch(
+            _path(outline, (x + layer * node.stack, y - layer * node.stack)),
+            facecolor=ROLE_FILL[node.role],
+            edgecolor=_ROLE_RIM[node.role],
+            linewidth=1.2 if layer == 0 else 0.8,
+            zorder=4.0 - 0.01 * layer,
+        )
+        if layer == 0:
+            patch.set_gid(node_id(node.name))
+        axes.add_patch(patch)
     sizes = [NORMAL, *([SMALL] * (len(node.lines) - 1))]
     colours = [INK, *([GREY] * (len(node.lines) - 1))]
     total = sum(sizes) + 0.35 * SMALL * (len(sizes) - 1)
@@ -66,9 +70,29 @@ def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
         line_y += size + 0.35 * SMALL
 
 
+def add_group(axes: Axes, group: GroupBox, shift: Point) -> None:
+    """The frame of an instance, behind everything, with its name."""
+    from matplotlib.patches import PathPatch
+
+    box = group.box
+    outline = rectangle(box.width, box.height)
+    frame = PathPatch(
+        _path(outline, (box.x + shift[0], box.y + shift[1])),
+        facecolor="#f8f8f8",
+        edgecolor=GREY,
+        linewidth=0.7,
+        linestyle=(0, (4, 2)),
+        zorder=1.0,
+    )
+    axes.add_patch(frame)
+    at = (box.left + shift[0] + 6.0, box.top + shift[1] + 8.0)
+    add_text(axes, at, group.name, NORMAL, GREY, horizontalalignment="left", zorder=4.6)
+
+
 def add_text(axes: Axes, at: Point, text: str, size: float, colour: str, **more: Any) -> None:  # noqa: ANN401 - whatever `Axes.text` takes
-    """A line of text around a point, or to the right of it if asked; what stands in it is no formula."""
-    align = {"horizontalalignment": "center", "verticalalignment": "center_baseline"}
+    """Some lines of text around a point, or to the right of it if asked; what stands in it is no formula."""
+    vertical = "center" if "\n" in text else "center_baseline"
+    align = {"horizontalalignment": "center", "verticalalignment": vertical, "linespacing": LINE_HEIGHT}
     axes.text(*at, text, fontsize=size, color=colour, parse_math=False, **(align | more))
 
 
@@ -89,18 +113,19 @@ def add_line(axes: Axes, route: Route, shift: Point, zorder: float) -> None:
         linewidth=_WIDTH,
         capstyle="butt",
         joinstyle="round",
+        linestyle=(0, (3, 1.5)) if route.link.kind == "gate" else "-",
         zorder=zorder + 0.005,
     )
     outline, style = _head(route)
     head = PathPatch(_path(outline, shift), zorder=4.2, **style)
     parts = (stroke, rim, head)
-    for part, name in zip(parts, line_ids(route.link.source, route.link.target), strict=True):
+    for part, name in zip(parts, line_ids(route.link), strict=True):
         part.set_gid(name)
         axes.add_patch(part)
 
 
 def _head(route: Route) -> tuple[Outline, dict[str, Any]]:
-    """Excitatory and readout: a filled arrow; inhibitory: a bar; sensorial: an open arrow."""
+    """Excitatory and readout: a filled arrow; inhibitory: a bar; sensorial: open; gate: a diamond."""
     colour = KIND_COLOUR[route.link.kind]
     (x, y), (ux, uy) = route.tip, route.heading
 
@@ -120,6 +145,9 @@ def _head(route: Route) -> tuple[Outline, dict[str, Any]]:
             "joinstyle": "miter",
         }
         return Outline(ends, "MLL"), style
+    if route.link.kind == "gate":
+        diamond = (at(-0.6, 0.0), at(-4.5, -_HEAD_HALF), at(-8.4, 0.0), at(-4.5, _HEAD_HALF), at(-0.6, 0.0))
+        return Outline(diamond, "MLLLL"), {"facecolor": PAPER, "edgecolor": colour, "linewidth": 1.1}
     tip = at(-0.6, 0.0)
     base = (at(-_HEAD_LENGTH, -_HEAD_HALF), at(-_HEAD_LENGTH, _HEAD_HALF))
     return Outline((tip, *base, tip), "MLLL"), {"facecolor": colour, "edgecolor": "none"}

@@ -6,12 +6,9 @@ import html
 import re
 from collections.abc import Mapping
 
-from circuitkit.circuit.graph import CircuitGraph, Neuron
-from circuitkit.draw.labels import weight_text
 from circuitkit.draw.layers import make_layers
 from circuitkit.draw.marks import line_ids, node_id
-from circuitkit.draw.style import number
-from circuitkit.draw.values import parameter_text
+from circuitkit.draw.network import Network
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -59,40 +56,15 @@ for (const mark of marks) {{
 """
 
 
-def tooltips(graph: CircuitGraph) -> dict[str, tuple[str, str]]:
+def tooltips(network: Network) -> dict[str, tuple[str, str]]:
     """For every node and line its ends (names, joined by a space) and its details, by its identifier."""
-    found = {}
-    for node in graph.inputs:
-        span = f"from {node.unit.from_si(node.low):g} to {node.unit.from_si(node.high):g}"
-        found[node_id(node.name)] = (
-            node.name,
-            _joined(f"{node.name}: input [{node.unit}], {span}", node.description),
-        )
-    for neuron in graph.neurons:
-        found[node_id(neuron.name)] = (neuron.name, _neuron(neuron))
-    for output in graph.outputs:
-        grows = "" if output.leak is None else f"; summed up, leak {number(100 * output.leak)} % a step"
-        head = f"{output.name}: output [{output.unit}]{grows}"
-        found[node_id(output.name)] = (output.name, _joined(head, output.description))
-    for link in make_layers(graph).links:
+    found = {node_id(node.name): (node.name, node.details) for node in network.nodes}
+    for link in make_layers(network).links:
         way = ", goes back in a cycle" if link.backward else ""
-        head = f"{link.source} to {link.target}: {link.kind}, weight {weight_text(graph, link)}{way}"
-        for name in line_ids(link.source, link.target):
-            found[name] = (f"{link.source} {link.target}", head)
+        head, _, rest = link.details.partition("\n")
+        text = f"{head}{way}\n{rest}" if rest else f"{head}{way}"
+        found |= dict.fromkeys(line_ids(link), (f"{link.source} {link.target}", text))
     return found
-
-
-def _neuron(neuron: Neuron) -> str:
-    values = (
-        parameter_text(parameter, neuron.parameters[parameter.name], neuron.activation_unit)
-        for parameter in neuron.model.parameters
-    )
-    head = f"{neuron.name}: {neuron.role}, {neuron.model.name}"
-    return _joined(head, neuron.description, ", ".join(values), f"output = {neuron.model.output}")
-
-
-def _joined(*parts: str) -> str:
-    return "\n".join(part for part in parts if part)
 
 
 def add_tooltips(svg: str, texts: Mapping[str, tuple[str, str]]) -> str:
@@ -107,10 +79,10 @@ def add_tooltips(svg: str, texts: Mapping[str, tuple[str, str]]) -> str:
     return re.sub(r'<g id="([^"]+)">', titled, svg)
 
 
-def html_page(graph: CircuitGraph, svg: str) -> str:
+def html_page(network: Network, svg: str) -> str:
     """A page of its own: the picture, and the details of what the pointer is on. It loads nothing."""
     return _PAGE.format(
-        title=html.escape(graph.name),
-        description=html.escape(graph.description),
+        title=html.escape(network.name),
+        description=html.escape(network.description),
         svg=svg[svg.index("<svg") :],
     )

@@ -53,6 +53,64 @@ def place_vertically(
     return {item: value - top for item, value in height.items()}
 
 
+def separate_bands(
+    order: Sequence[Sequence[Item]],
+    heights: Mapping[Item, float],
+    reach: Mapping[Item, tuple[float, float]],
+    bands: Mapping[Item, int],
+    gap: float,
+) -> dict[Item, float]:
+    """Heights at which the bands stand below each other, however far they reach into each other before.
+
+    Args:
+        order: The items of each layer from top to bottom.
+        heights: Their heights, [pt].
+        reach: How far each item reaches above and below its height, [pt].
+        bands: The band of each item in the layers that have bands.
+        gap: Free space between two bands, [pt].
+    """
+    moved = dict(heights)
+    down, bottom = 0.0, float("-inf")
+    for band in sorted(set(bands.values())):
+        members = [item for item in heights if bands.get(item) == band]
+        top = min(heights[item] - reach[item][0] for item in members)
+        down = max(down, bottom + gap - top)
+        moved |= {item: heights[item] + down for item in members}
+        bottom = max(moved[item] + reach[item][1] for item in members)
+    before = _span(heights, bands)
+    after = _span(moved, bands)
+    stretch = (after[1] - after[0]) / (before[1] - before[0]) if before[1] > before[0] else 1.0
+    for layer in order:  # those without bands go along with what they stand beside
+        free = [item for item in layer if item not in bands]
+        for item, level in zip(
+            free, _spread(free, heights, reach, gap, before, after[0], stretch), strict=True
+        ):
+            moved[item] = level
+    top = min(moved[item] - reach[item][0] for item in moved)
+    return {item: value - top for item, value in moved.items()}
+
+
+def _span(heights: Mapping[Item, float], bands: Mapping[Item, int]) -> tuple[float, float]:
+    levels = [heights[item] for item in bands]
+    return min(levels), max(levels)
+
+
+def _spread(
+    layer: Sequence[Item],
+    heights: Mapping[Item, float],
+    reach: Mapping[Item, tuple[float, float]],
+    gap: float,
+    before: tuple[float, float],
+    start: float,
+    stretch: float,
+) -> list[float]:
+    """Heights of a layer that is drawn out with the others, none closer than it may."""
+    offsets = _spacing(layer, reach, gap)
+    wanted = [start + (heights[item] - before[0]) * stretch for item in layer]
+    levels = ascending([w - o for w, o in zip(wanted, offsets, strict=True)], [1.0] * len(layer))
+    return [level + offset for level, offset in zip(levels, offsets, strict=True)]
+
+
 def _spacing(layer: Sequence[Item], reach: Mapping[Item, tuple[float, float]], gap: float) -> list[float]:
     """Heights of the items when they stand as close as they may, the first at 0."""
     offsets = [0.0] * len(layer)

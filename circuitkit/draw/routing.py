@@ -18,7 +18,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.draw.layers import Link
+from circuitkit.draw.network import Link
 from circuitkit.draw.shapes import Box, Point, inset
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]

@@ -11,6 +11,7 @@ Point: TypeAlias = tuple[float, float]
 _KAPPA = 0.5522847498  # a quarter of a circle as a cubic curve
 _CUT = 7.0
 _TIP = 8.0
+LINE_HEIGHT = 1.25  # distance of lines of text in units of their size
 
 
 @dataclass(frozen=True)
@@ -143,3 +144,9 @@ def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, flo
     font = FontProperties(family=FONT, weight="bold" if bold else "normal")
     box = TextPath((0, 0), text, size=size, prop=font).get_extents()
     return float(box.width), size
+
+
+def block_size(text: str, size: float) -> tuple[float, float]:
+    """Width and height of some lines of text, [pt]."""
+    lines = text.split("\n")
+    return max(text_size(line, size)[0] for line in lines), size * (1 + LINE_HEIGHT * (len(lines) - 1))

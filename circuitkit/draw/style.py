@@ -21,14 +21,16 @@ FONT = "DejaVu Sans"  # comes with matplotlib, so that pictures are the same eve
 NORMAL, SMALL = 9.0, 7.5  # sizes of type, [pt]
 INK, GREY, PALE, PAPER = "#222222", "#666666", "#d9d9d9", "#ffffff"
 EXCITATORY, INHIBITORY, SENSORIAL, READOUT = "#2783bf", "#8c1510", "#6d6d6d", "#222222"
+GATE = "#7b4fa0"
 KIND_COLOUR = {
     "excitatory": EXCITATORY,
     "inhibitory": INHIBITORY,
     "sensorial": SENSORIAL,
     "readout": READOUT,
+    "gate": GATE,
 }
 ROLE_FILL = {"input": "#f1f1f1", "excitatory": "#dcebf7", "inhibitory": "#f0c9bd", "output": "#fbf3d0"}
-CYCLE = (EXCITATORY, INHIBITORY, "#e6a100", "#3a7d44", "#7b4fa0", "#555555")  # for curves in one axes
+CYCLE = (EXCITATORY, INHIBITORY, "#e6a100", "#3a7d44", GATE, "#555555")  # for curves in one axes
 DASHES = ("-", "--", "-.", ":")
 _DPI = 200
 _MAX_PIXELS = 12000

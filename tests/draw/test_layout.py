@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from drawing import RIM, assert_nothing_overlaps, layout_of
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import isotonic_regression
@@ -14,15 +15,11 @@ from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode
 from circuitkit.circuit.load import load_circuit
 from circuitkit.circuit.models import neuron_model
 from circuitkit.circuit.resolve import resolve
-from circuitkit.draw.labels import label_texts
 from circuitkit.draw.layers import Bend, _crossings, make_layers
-from circuitkit.draw.layout import Layout, layout_circuit
+from circuitkit.draw.layout import Layout
+from circuitkit.draw.network import make_network
 from circuitkit.draw.placing import ascending
-from circuitkit.draw.shapes import Box, text_size
-from circuitkit.draw.style import SMALL
 from circuitkit.units import DIMENSIONLESS, parse_unit
-
-_RIM = 9.0  # a rounded node begins up to this far inside its box
 
 
 @pytest.fixture(scope="module")
@@ -57,30 +54,9 @@ def dense(seed: int, count: int, names: str = "n{}") -> CircuitGraph:
     return CircuitGraph("dense", "", "ordered", 0.01, inputs, tuple(neurons), tuple(synapses), outputs, {})
 
 
-def _inside(points: np.ndarray, box: Box, shrunk: float) -> bool:
-    half = (box.width / 2 - shrunk, box.height / 2 - shrunk)
-    return bool((np.abs(points - (box.x, box.y)) < half).all(axis=1).any())
-
-
-def assert_nothing_overlaps(graph: CircuitGraph, layout: Layout) -> None:
-    for one, other in combinations(layout.nodes.values(), 2):
-        assert not one.box.overlaps(other.box, 6.0), (one.name, other.name)
-    for route in layout.routes:
-        points = np.array(route.polyline)
-        for node in layout.nodes.values():
-            ends = node.name in {route.link.source, route.link.target}
-            assert not _inside(points, node.box, _RIM if ends else -1.5), (route.link, node.name)
-        assert points.min() >= -1e-9
-        assert (points <= (layout.width, layout.height)).all()
-    for label in layout.labels:
-        width, height = text_size(label.text, SMALL)
-        assert (label.box.width, label.box.height) > (width, height)
-        for node in layout.nodes.values():
-            assert not label.box.overlaps(node.box), (label.text, node.name)
-    for one, other in combinations(layout.labels, 2):
-        assert not one.box.overlaps(other.box), (one.text, other.text)
-    shown = {label.link for label in layout.labels} | set(layout.homeless)
-    assert shown == set(label_texts(graph, [route.link for route in layout.routes]))
+def labels(graph: CircuitGraph) -> dict[tuple[str, str], str]:
+    """The words on the lines that have some, by their ends."""
+    return {(each.source, each.target): each.label for each in make_network(graph).links if each.label}
 
 
 def assert_links_meet_their_nodes(graph: CircuitGraph, layout: Layout) -> None:
@@ -91,15 +67,15 @@ def assert_links_meet_their_nodes(graph: CircuitGraph, layout: Layout) -> None:
         for name, point in ((route.link.source, route.points[0]), (route.link.target, route.tip)):
             box = layout.nodes[name].box
             away = max(abs(point[0] - box.x) - box.width / 2, abs(point[1] - box.y) - box.height / 2)
-            assert -_RIM <= away <= 1e-9, (route.link, name)
+            assert -RIM <= away <= 1e-9, (route.link, name)
     for name in layout.nodes:
         tips = [route.tip for route in layout.routes if route.link.target == name]
         assert all(math.dist(one, other) >= 5.0 for one, other in combinations(tips, 2)), name
 
 
 def test_nothing_overlaps_in_the_binn(binn):
-    layout = layout_circuit(binn)
-    assert_nothing_overlaps(binn, layout)
+    layout = layout_of(binn)
+    assert_nothing_overlaps(layout)
     assert_links_meet_their_nodes(binn, layout)
     assert layout.cost == (0, 0)  # every weight has a place, and none hides another line
 
@@ -107,8 +83,8 @@ def test_nothing_overlaps_in_the_binn(binn):
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(graph=circuit_graphs())
 def test_nothing_overlaps_in_random_circuits(graph):
-    layout = layout_circuit(graph)
-    assert_nothing_overlaps(graph, layout)
+    layout = layout_of(graph)
+    assert_nothing_overlaps(layout)
     assert_links_meet_their_nodes(graph, layout)
 
 
@@ -116,13 +92,13 @@ def test_nothing_overlaps_in_random_circuits(graph):
 @pytest.mark.parametrize("count", [4, 12, 25])
 def test_nothing_overlaps_in_dense_circuits(seed, count):
     graph = dense(seed, count, "n{}" if seed % 2 else "a_neuron_with_a_long_name_{}")
-    layout = layout_circuit(graph)
-    assert_nothing_overlaps(graph, layout)
+    layout = layout_of(graph)
+    assert_nothing_overlaps(layout)
     assert_links_meet_their_nodes(graph, layout)
 
 
 def test_the_binn_stands_in_the_layers_of_the_paper(binn):
-    layers = make_layers(binn)
+    layers = make_layers(make_network(binn))
     columns = [[item for item in layer if not isinstance(item, Bend)] for layer in layers.order]
     assert columns == [
         ["force_difference", "zmp_y"],
@@ -137,10 +113,8 @@ def test_the_binn_stands_in_the_layers_of_the_paper(binn):
 
 
 def test_labels_show_what_the_line_does_not(binn):
-    links = make_layers(binn).links
-    texts = {(link.source, link.target): text for link, text in label_texts(binn, links).items()}
     minus = "\N{MINUS SIGN}"
-    assert texts == {
+    assert labels(binn) == {
         ("zmp_y", "q1"): f"{minus}1",  # the line of an input does not tell the sign
         ("zmp_y", "q3"): f"{minus}1",
         ("p1", "ankle_roll"): "1.63 deg",
@@ -156,8 +130,7 @@ def test_a_weight_is_shown_in_the_units_of_its_ends():
         Synapse("n1", "n2", 2.0, "excitatory"),
     )
     graph = CircuitGraph("units", "", "ordered", 0.01, graph.inputs, graph.neurons, synapses, (), {})
-    texts = {link.target: text for link, text in label_texts(graph, make_layers(graph).links).items()}
-    assert texts == {"n0": "0.002 /mm", "n2": "2"}
+    assert labels(graph) == {("u0", "n0"): "0.002 /mm", ("n1", "n2"): "2"}
 
 
 @given(

@@ -1,0 +1,141 @@
+"""Populations, projections, gates, delays and instances: how they are told, and that they do not overlap."""
+
+from __future__ import annotations
+
+import time
+from itertools import combinations
+
+import numpy as np
+import pytest
+from drawing import assert_nothing_overlaps, layout_of
+
+from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit.graph import Projection
+from circuitkit.draw import draw_circuit
+from circuitkit.draw.network import make_network
+from circuitkit.draw.wording import rule_text
+from circuitkit.source import shipped_names
+
+HEAD = "circuit: c\ncontrol_step: 10 ms\ntiming: ordered\n"
+RING = (
+    HEAD
+    + """\
+inputs:
+  u: {unit: mm, range: [0 mm, 1 mm]}
+populations:
+  ring: {size: 8, model: leaky_integrator, role: excitatory, tau: 10 ms, slope: 1, shift: 0}
+neurons:
+  calm: {model: identity, role: inhibitory}
+synapses:
+  - {from: "ring[3]", to: calm, weight: 1}
+  - {from: calm, to: "ring[1]", weight: -1, delay: 20 ms}
+  - {from: calm, to: "ring[2]", weight: -2, delay: 20 ms}
+projections:
+  - {from: u, to: ring, connect: all_to_all, weight: "cos(2*pi*j/n_target) * 1 /mm"}
+  - {from: ring, to: ring, connect: all_to_all, self: false, weight: 0.5, model: first_order, tau: 5 ms}
+outputs:
+  y: {unit: deg, readout: {ring: "i * 1 deg"}}
+"""
+)
+
+
+def links(text):
+    return {
+        (each.source, each.target, each.kind): each
+        for each in make_network(resolve(parse_circuit(text))).links
+    }
+
+
+def test_a_population_is_one_node_with_its_size():
+    (ring,) = [node for node in make_network(resolve(parse_circuit(RING))).nodes if node.name == "ring"]
+    assert (ring.lines, ring.size, ring.role) == (("ring", "8 neurons"), 8, "excitatory")
+    assert ring.details.splitlines()[0] == "ring: excitatory, leaky_integrator, 8 neurons"
+    assert "tau 0.01 s" in ring.details
+
+
+def test_lines_say_who_is_connected_how_strongly_by_which_model_and_when():
+    found = {ends: link.label for ends, link in links(RING).items()}
+    minus = "\N{MINUS SIGN}"
+    assert found == {
+        ("ring", "calm", "excitatory"): "[3]",
+        ("calm", "ring", "inhibitory"): f"2 synapses\n{minus}2 to {minus}1, 20 ms",
+        ("u", "ring", "sensorial"): f"to all\n{minus}1 to 1 /mm",
+        ("ring", "ring", "excitatory"): "all to all others\n0.5, first order",
+        ("ring", "y", "readout"): "0 to 7 deg",
+    }
+
+
+def test_a_gate_is_a_line_to_the_target_of_what_it_gates():
+    text = HEAD + (
+        "inputs: {u: {unit: '1', range: [0, 1]}}\nneurons:\n  g: {model: identity, role: excitatory}\n"
+        "  n: {model: identity, role: excitatory}\nsynapses:\n  - {from: u, to: g, weight: 1}\n"
+        "  - {from: u, to: n, weight: 1, model: gated, gate: g}\noutputs: {y: {unit: '1', readout: {n: 1}}}\n"
+    )
+    gate = links(text)["g", "n", "gate"]
+    assert (gate.label, gate.details) == ("\N{MULTIPLICATION SIGN} u", "g gates u to n")
+
+
+@pytest.mark.parametrize(
+    ("indptr", "sources", "sizes", "expected"),
+    [
+        ([0, 1, 2, 3], [0, 1, 2], (3, 3), "one to one"),
+        ([0, 2, 4], [0, 1, 0, 1], (2, 2), "all to all"),
+        ([0, 1, 2], [1, 0], (2, 2), "all to all others"),
+        ([0, 1, 2, 3], [0, 0, 0], (1, 3), "to all"),
+        ([0, 3], [0, 1, 2], (3, 1), "from all"),
+        ([0, 2, 4], [0, 2, 1, 2], (4, 2), "2 to each"),
+        ([0, 1, 1, 4], [0, 1, 2, 3], (4, 3), "33 % of all pairs"),
+    ],
+)
+def test_who_is_connected_with_whom(indptr, sources, sizes, expected):
+    ends = np.array(indptr, dtype=np.int64), np.array(sources, dtype=np.int32)
+    assert rule_text(Projection("a", "a", *ends, 1.0, "excitatory"), *sizes) == expected
+
+
+@pytest.mark.parametrize("name", shipped_names("circuits"))
+def test_nothing_overlaps_in_shipped_circuits(name):
+    layout = layout_of(resolve(load_circuit(name)))
+    assert_nothing_overlaps(layout)
+    assert layout.homeless == ()
+    for one, other in combinations(layout.groups, 2):
+        assert not one.box.overlaps(other.box, 6.0), (one.name, other.name)
+    for group in layout.groups:
+        for node in layout.nodes.values():
+            inside = node.name.startswith(f"{group.name}.") and node.role not in {"input", "output"}
+            assert group.box.overlaps(node.box) == inside, (group.name, node.name)
+
+
+def test_nodes_of_an_instance_are_called_as_in_its_file():
+    layout = layout_of(resolve(load_circuit("binn_planar")))
+    assert [group.name for group in layout.groups] == ["lateral", "sagittal"]
+    assert layout.nodes["lateral.q1"].lines == ("q1",)
+
+
+def test_instances_are_clusters_of_the_dot_file(tmp_path):
+    draw_circuit(resolve(load_circuit("binn_planar")), tmp_path / "planar.dot")
+    text = (tmp_path / "planar.dot").read_text(encoding="utf-8")
+    assert 'subgraph "cluster_lateral" {\n    label="lateral";' in text
+    draw_circuit(resolve(parse_circuit(RING)), tmp_path / "ring.dot")
+    assert 'label="ring\\n8 neurons"' in (tmp_path / "ring.dot").read_text(encoding="utf-8")
+
+
+def test_the_page_tells_about_projections(tmp_path):
+    draw_circuit(resolve(parse_circuit(RING)), tmp_path / "ring.html")
+    page = (tmp_path / "ring.html").read_text(encoding="utf-8")
+    assert (
+        "ring to ring: excitatory, all to all others, weight 0.5, first order, goes back in a cycle" in page
+    )
+
+
+def test_a_hundred_thousand_neurons_are_drawn_in_a_moment(tmp_path):
+    text = HEAD + (
+        "populations:\n  a: {size: 80000, model: leaky_linear, role: excitatory, tau: 10 ms}\n"
+        "  b: {size: 20000, model: leaky_linear, role: inhibitory, tau: 10 ms}\nprojections:\n"
+        "  - {from: a, to: b, connect: {in_degree: 10}, weight: 0.1}\n"
+        "  - {from: b, to: a, connect: {in_degree: 10}, weight: -0.1}\n"
+        "outputs: {y: {unit: '1', readout: {a: 1}}}\n"
+    )
+    graph = resolve(parse_circuit(text))
+    start = time.perf_counter()
+    draw_circuit(graph, tmp_path / "large.svg")
+    assert time.perf_counter() - start < 5.0  # 0.3 s on an idle core
