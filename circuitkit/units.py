@@ -74,13 +74,15 @@ class Unit:
 
     def to_si(self, value: float | Fraction) -> float:
         """SI value of `value` in this unit, rounded once: 79.9 mm is 0.0799, to the last bit."""
-        return float(Fraction(value) * self.factor)
+        numerator, denominator = value.as_integer_ratio()
+        return numerator * self.factor.numerator / (denominator * self.factor.denominator)
 
     def from_si(self, value_si: float) -> float:
         """Value in this unit of an SI value; infinities stay what they are."""
         if not math.isfinite(value_si):
             return value_si
-        return float(Fraction(value_si) / self.factor)
+        numerator, denominator = value_si.as_integer_ratio()
+        return numerator * self.factor.denominator / (denominator * self.factor.numerator)
 
     def __str__(self) -> str:
         return self.symbol
@@ -240,13 +242,22 @@ def parse_quantity(text: str) -> Quantity:
     symbol = match["unit"] or match["quotient"]
     unit = parse_unit(symbol) if symbol else DIMENSIONLESS
     try:
-        value_si = unit.to_si(Fraction(match["number"]))
+        numerator, denominator = _ratio(match["number"])
+        value_si = numerator * unit.factor.numerator / (denominator * unit.factor.denominator)
     except OverflowError:
         value_si = math.inf
     if not math.isfinite(value_si):
         message = f"found '{text[:_MAX_LENGTH]}', which is too large; allowed: a finite number"
         raise UnitError(message)
     return Quantity(value_si, unit)
+
+
+def _ratio(number: str) -> tuple[int, int]:
+    """Numerator and denominator of a decimal number, exactly: 79.9 is 799 / 10."""
+    mantissa, _, exponent = number.lower().partition("e")
+    whole, _, decimals = mantissa.partition(".")
+    power = int(exponent or 0) - len(decimals)
+    return int(whole + decimals) * 10 ** max(power, 0), 10 ** max(-power, 0)
 
 
 def format_quantity(value_si: float, unit: Unit, digits: int = 6) -> str:

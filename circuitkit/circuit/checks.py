@@ -9,7 +9,7 @@ from circuitkit.errors import Problem
 from circuitkit.units import format_quantity, parse_unit
 
 if TYPE_CHECKING:
-    from circuitkit.circuit.graph import CircuitGraph
+    from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
     from circuitkit.circuit.scope import Scope
 
 _FAR_FROM_WHOLE = 0.01
@@ -38,7 +38,8 @@ def doubts(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
 def _effective(graph: CircuitGraph) -> frozenset[str]:
     """Names of the inputs, neurons and populations from which a path leads to an output."""
     sources: dict[str, list[str]] = {}
-    for synapse in (*graph.synapses, *graph.projections):
+    links: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
+    for synapse in links:
         target = sources.setdefault(_whole(synapse.target), [])
         target.append(_whole(synapse.source))
         if synapse.gate:
@@ -63,4 +64,5 @@ def rounded_delay(delay_s: float, step_s: float) -> str:
     rounded = round(delay_s / step_s) * step_s
     if abs(rounded - delay_s) <= _FAR_FROM_WHOLE * delay_s:
         return ""
-    return f"it becomes {format_quantity(rounded, _MILLISECOND)}, a multiple of {format_quantity(step_s, _MILLISECOND)}"
+    becomes, step = format_quantity(rounded, _MILLISECOND), format_quantity(step_s, _MILLISECOND)
+    return f"it becomes {becomes}, a multiple of {step}"

@@ -139,6 +139,6 @@ def _all_but(left_out: Sources, choices: int) -> Sources:
 
 
 def _skip_self(block: Sources, first_row: int) -> None:
-    """Numbers from the row's own on become one larger, in place: what was drawn among the others stands for them."""
+    """Numbers from the row's own on become one larger, in place: they were drawn among the others only."""
     own = np.arange(first_row, first_row + len(block), dtype=np.int32)
     block += block >= own[:, None]

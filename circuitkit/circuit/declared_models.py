@@ -162,4 +162,6 @@ def check_order(
 def _shown(value: Measure) -> str:
     if isinstance(value.value, int | float):
         return format_quantity(value.value, value.unit)
-    return f"from {format_quantity(value.value.min(), value.unit)} to {format_quantity(value.value.max(), value.unit)}"
+    bounds = (value.value.min(), value.value.max())
+    lowest, highest = (format_quantity(float(bound), value.unit) for bound in bounds)
+    return f"from {lowest} to {highest}"

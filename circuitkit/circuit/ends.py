@@ -65,7 +65,7 @@ class Nodes:
     def located(
         self, scope: Scope, item: Item[Any], place: Place, located: Located, *, at_key: bool = False
     ) -> End | None:
-        """What a name stands for; None if it is unsound, and after complaining about a member that is none."""
+        """What a name stands for; None if it is unsound, or after complaining about a missing member."""
         if located.kind != "member":
             return self.end(located.name)
         population = self.populations.get(located.name.rpartition("[")[0])
@@ -73,8 +73,8 @@ class Nodes:
             return None
         if located.member >= population.size:
             allowed = f"{population.name}[0] to {population.name}[{population.size - 1}]"
-            message = f"found '{located.name}', but the population has {population.size} members; allowed: {allowed}"
-            scope.errors.append(item.problem(place, message, at_key=at_key))
+            found = f"found '{located.name}', but the population has {population.size} members"
+            scope.errors.append(item.problem(place, f"{found}; allowed: {allowed}", at_key=at_key))
             return None
         unit = population.activation_unit
         return End(located.name, DIMENSIONLESS, population.role, population.model, unit)

@@ -42,19 +42,19 @@ class Origin:
 NO_ORIGIN = Origin("", 0, 0)
 
 
-def _same(first: Any, second: Any) -> bool:  # noqa: ANN401 - values, arrays, and mappings and tuples of these
+def same(first: Any, second: Any) -> bool:  # noqa: ANN401 - values, arrays, and mappings and tuples of these
     """Whether two values are equal, arrays by their elements."""
     if isinstance(first, Mapping):
         return (
             isinstance(second, Mapping)
             and first.keys() == second.keys()
-            and all(_same(value, second[key]) for key, value in first.items())
+            and all(same(value, second[key]) for key, value in first.items())
         )
     if isinstance(first, tuple):
         return (
             isinstance(second, tuple)
             and len(first) == len(second)
-            and all(_same(mine, theirs) for mine, theirs in zip(first, second, strict=True))
+            and all(same(mine, theirs) for mine, theirs in zip(first, second, strict=True))
         )
     if hasattr(first, "shape") or hasattr(second, "shape"):
         import numpy as np
@@ -65,7 +65,7 @@ def _same(first: Any, second: Any) -> bool:  # noqa: ANN401 - values, arrays, an
 
 def _same_fields(first: Any, second: Any) -> bool:  # noqa: ANN401 - dataclasses of one kind
     return all(
-        _same(getattr(first, each.name), getattr(second, each.name)) for each in fields(first) if each.compare
+        same(getattr(first, each.name), getattr(second, each.name)) for each in fields(first) if each.compare
     )
 
 
@@ -159,7 +159,7 @@ class Synapse:
     Attributes:
         source: Name of an input, of a neuron, or of a member of a population.
         target: Name of a neuron or of a member of a population.
-        weight: Weight; of the static model, signed, [SI unit of the target's activation / that of the source].
+        weight: Weight; of a static synapse signed, [SI unit of the target's activation / that of the source].
         kind: Sensorial if it comes from an input, else the role of the source neuron.
         model: The equations.
         parameters: A value for every parameter of the model, [SI].
@@ -195,8 +195,8 @@ class Projection:
         weights: As a synapse's, one for all or shape (n_synapses,).
         kind: As a synapse's.
         model: The equations.
-        parameters: As a synapse's; one for all, or shape (n_synapses,); shape (n_target,) where the model keeps
-            its states per target.
+        parameters: As a synapse's; one for all, or shape (n_synapses,); shape (n_target,) where the model
+            keeps its states per target.
         initial: As the parameters.
         delay_s: As a synapse's.
         gate: As a synapse's.
@@ -304,8 +304,9 @@ class CircuitGraph:
         """The circuit as a directed graph, with a node for every member of a population.
 
         Every node has the attributes `kind` ("input", "neuron" or "output") and `node` (the dataclass; of a
-        member its population); every edge has `weight` [SI] and `kind` ("sensorial", "excitatory", "inhibitory";
-        "readout" to an output). Several connections between two nodes are one edge with the sum of their weights.
+        member its population); every edge has `weight` [SI] and `kind` ("sensorial", "excitatory",
+        "inhibitory"; "readout" to an output). Several connections between two nodes are one edge with the sum
+        of their weights.
         """
         from circuitkit.circuit.graph_view import to_networkx
 

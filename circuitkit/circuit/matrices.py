@@ -1,7 +1,8 @@
 """Matrix files of projections: CSV, NPZ (of numpy or scipy) and Parquet, to sparse rows of targets.
 
-A table of numbers has a row for every target and a column for every source, as W in eq. 11; where it is zero there
-is no synapse. A table with the columns `source` and `target`, and perhaps `weight`, has a row for every synapse.
+A table of numbers has a row for every target and a column for every source, as W in eq. 11; where it is zero
+there is no synapse. A table with the columns `source` and `target`, and perhaps `weight`, has a row for every
+synapse.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from circuitkit.errors import CircuitkitError, MissingDependencyError, listing
 
 Weights = npt.NDArray[np.float64] | None
 Matrix = tuple[Connections, Weights]
-_SPARSE_KEYS = frozenset({"indices", "indptr", "data", "shape"})
+_SPARSE_KEYS = frozenset({"indices", "indptr", "shape"})
 _COLUMNS = ("source", "target", "weight")
 
 
@@ -36,7 +37,7 @@ def read_matrix(path: Path, n_target: int, n_source: int) -> Matrix:
         n_source: Number of sources, which is the number of columns.
 
     Raises:
-        MatrixFileError: The file is missing or damaged, is of another shape, or holds what is no finite number.
+        MatrixFileError: The file is missing or damaged, of another shape, or holds what is no finite number.
         MissingDependencyError: Reading Parquet needs a package that is not installed.
     """
     readers: Mapping[str, Callable[[Path, int, int], Matrix]] = {
@@ -96,7 +97,8 @@ def _read_npz(path: Path, n_target: int, n_source: int) -> Matrix:
             _check_shape(tuple(int(n) for n in arrays["shape"]), n_target, n_source)
             indptr = np.asarray(arrays["indptr"], dtype=np.int64)
             sources = np.asarray(arrays["indices"], dtype=np.int32)
-            return _checked(indptr, sources, np.asarray(arrays["data"], dtype=np.float64), n_source)
+            weights = np.asarray(arrays["data"], dtype=np.float64) if "data" in names else None
+            return _checked(indptr, sources, weights, n_source)
         if "format" not in names:
             if len(names) != 1:
                 message = (
@@ -154,12 +156,12 @@ def _check_shape(shape: tuple[int, ...], n_target: int, n_source: int) -> None:
 def _checked(
     indptr: npt.NDArray[np.int64], sources: npt.NDArray[np.int32], weights: Weights, n_source: int
 ) -> Matrix:
-    """The matrix, if every pair is there once and every weight is finite; rows are put in order if need be."""
+    """The matrix, if every pair is there once and every weight is finite; puts rows in order if need be."""
     if weights is not None and len(wrong := np.flatnonzero(~np.isfinite(weights))):
         row, column = _pair(indptr, sources, wrong[0])
         message = f"found {weights[wrong[0]]:g} in row {row}, column {column}; allowed: finite numbers"
         raise MatrixFileError(message)
-    if len(sources) and not (0 <= sources.min() and sources.max() < n_source):
+    if len(sources) and (sources.min() < 0 or sources.max() >= n_source):
         message = f"found the column {sources.max()}; allowed: 0 to {n_source - 1}"
         raise MatrixFileError(message)
     steps = np.diff(sources) <= 0

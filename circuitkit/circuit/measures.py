@@ -1,7 +1,7 @@
 """Arithmetic with units: what an expression of a circuit file is computed with.
 
-Sums, comparisons, minima and maxima need the same dimension; products and powers multiply dimensions; sine and
-cosine take an angle or a plain number; the other functions take plain numbers.
+Sums, comparisons, minima and maxima need the same dimension; products and powers multiply dimensions; sine
+and cosine take an angle or a plain number; the other functions take plain numbers.
 """
 
 from __future__ import annotations
@@ -121,7 +121,8 @@ def measure(operand: Operand) -> Measure:
 def _alike(first: Measure, other: Operand) -> Measure:
     second = measure(other)
     if first.dimension != second.dimension:
-        raise MisfitError(f"joins {first.dimension} and {second.dimension}", "sums of the same dimension")
+        deed = f"joins {first.dimension} and {second.dimension}"
+        raise MisfitError(deed, "sums of the same dimension")
     return second
 
 
@@ -135,14 +136,16 @@ def _power(dimension: Dimension, power: float) -> Unit:
     exponents = [exponent * power for exponent in dimension]
     whole = [round(exponent) for exponent in exponents]
     if any(abs(exponent - near) > _WHOLE for exponent, near in zip(exponents, whole, strict=True)):
-        raise MisfitError(f"takes the power {power:g} of {dimension}", "powers that leave whole ones")
+        deed = f"takes the power {power:g} of {dimension}"
+        raise MisfitError(deed, "powers that leave whole ones")
     return Dimension(*whole).si_unit
 
 
 def _plain(operand: Operand, what: str) -> Number:
     value = measure(operand)
     if any(value.dimension):
-        raise MisfitError(f"has {value.dimension} as {what}", "a number without unit there")
+        deed = f"has {value.dimension} as {what}"
+        raise MisfitError(deed, "a number without unit there")
     return value.value
 
 

@@ -58,7 +58,8 @@ class Budget:
         with_rest = (
             "" if self.needed == bytes_needed else f" (with the rest of the circuit {_size(self.needed)})"
         )
-        return f"found {what}, which need about {_size(bytes_needed)} of memory{with_rest}, but {has}; allowed: fewer"
+        needs = f"which need about {_size(bytes_needed)} of memory{with_rest}"
+        return f"found {what}, {needs}, but {has}; allowed: fewer"
 
 
 def _size(bytes_needed: float) -> str:

@@ -1,4 +1,4 @@
-"""Names of the nodes of a circuit, in order; those of members of populations are made when they are asked for."""
+"""Names of the nodes of a circuit, in order; those of members of populations are made when asked for."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def neuron_parameters(
 
 
 def _activation_unit(model: NeuronModel, written: Mapping[str, Measure]) -> Unit:
-    """The unit of the activation: the model's; that of a parameter that has it; the reciprocal of one with that."""
+    """The unit of the activation: the model's, a parameter's, or one that a parameter implies."""
     if model.activation is not None:
         return model.activation
     for power in (1, -1):

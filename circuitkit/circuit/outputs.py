@@ -41,10 +41,10 @@ def _readout(
     for name, value in item.spec.readout.items():
         place = ("readout", name)
         located = scope.locate(name)
-        if located is None or located.kind not in _READ:
-            if located is not None or not scope.is_lost(name):
-                message, hint = scope.unknown("neuron", name, "a neuron", scope.names("neuron", "population"))
-                scope.errors.append(item.problem(place, message, hint, at_key=True))
+        if (located is None and not scope.is_lost(name)) or (located and located.kind not in _READ):
+            names = scope.names("neuron", "population")
+            message, hint = scope.unknown("neuron", name, "a neuron", names)
+            scope.errors.append(item.problem(place, message, hint, at_key=True))
         reason = f"the output is {in_unit(unit)}"
         end = nodes.located(scope, item, place, located, at_key=True) if located else None
         if end is not None and end.is_population:

@@ -82,7 +82,7 @@ class Module:
 
 
 def module_of(spec: CircuitSpec) -> Module:
-    """The files of a whole spec: with line and column if it came from a file, or is a copy of one that did."""
+    """The files of a whole spec: with line and column if it, or what it is a copy of, came from a file."""
     if spec.module is None:
         own_models = spec.model_dump(include={"neuron_models", "synapse_models"})
         return Module((Part(Document("", own_models, {}), spec),))

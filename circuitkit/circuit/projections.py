@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circuitkit.circuit import connectivity
 from circuitkit.circuit.connectivity import Connections
-from circuitkit.circuit.declared_models import DeclaredModels, written_parameters
+from circuitkit.circuit.declared_models import DeclaredModels, Reader, written_parameters
 from circuitkit.circuit.ends import End, Nodes
 from circuitkit.circuit.graph import PerMember, Projection, SynapseKind
 from circuitkit.circuit.header import Header
@@ -101,7 +101,7 @@ class _Making:
         self.without_self = self.is_loop and not item.spec.self_connections
 
     def projections(self, terms: Sequence[Term], gate: str, header: Header | None) -> Iterator[Projection]:
-        """The projection, or one for each node that feeds an instance's input; complains about what is wrong."""
+        """The projection, or one for each node that feeds an instance's input; complains on the way."""
         scope, item, model = self.scope, self.item, self.model
         delay = delay_s(scope, item)
         doubt_delay(scope, item, delay, self.source, [self.target], header)
@@ -234,7 +234,7 @@ class _Making:
             self._complain(("sources",), f"{found}; allowed: one for each")
             return None
         for number, row in enumerate(rows):
-            ascending = all(first < second for first, second in zip(row, row[1:], strict=False))
+            ascending = all(first < second for first, second in pairwise(row))
             if row and not (ascending and row[0] >= 0 and row[-1] < self.source.size):
                 allowed = f"ascending numbers from 0 to {self.source.size - 1}"
                 self._complain(("sources", number), f"found {list(row)}; allowed: {allowed}")
@@ -267,7 +267,7 @@ class _Making:
         weight = self._reader(connections, per_target=False)(("weight",), written)
         return weight if weight is None or entries is None else weight * entries
 
-    def _reader(self, connections: Connections, *, per_target: bool | None = None) -> Any:  # noqa: ANN401 - a Reader
+    def _reader(self, connections: Connections, *, per_target: bool | None = None) -> Reader:
         """Reads values for every synapse, or for every target where the model has them so."""
         if per_target is None:
             per_target = self.model.per == "target"
@@ -326,7 +326,8 @@ class _Making:
             found = format_quantity(lowest, weight.unit)
         elif len(values):
             lowest, highest = float(values.min()), float(values.max())
-            found = f"weights from {format_quantity(lowest, weight.unit)} to {format_quantity(highest, weight.unit)}"
+            bounds = (format_quantity(bound, weight.unit) for bound in (lowest, highest))
+            found = f"weights from {' to '.join(bounds)}"
         else:
             return
         if lowest == highest == 0:

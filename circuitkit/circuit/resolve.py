@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from circuitkit.circuit.checks import doubts
 from circuitkit.circuit.declared_models import DeclaredModels
 from circuitkit.circuit.ends import Nodes
-from circuitkit.circuit.graph import CircuitGraph, InputNode
+from circuitkit.circuit.graph import CircuitGraph, InputNode, Projection
 from circuitkit.circuit.header import HEADER_KEYS, read_header
 from circuitkit.circuit.items import Findings
 from circuitkit.circuit.memory import Budget
@@ -29,8 +29,8 @@ def resolve(spec: CircuitSpec, overrides: Mapping[str, float | str] | None = Non
     Args:
         spec: The circuit as its file says it, or a changed copy; what it includes has been read already.
         overrides: Values that take the place of the file's, by name: of parameters (`{"w": "0.5 deg"}`, in an
-            instance `lateral.w`), of nodes (`q1.slope`, `ring.tau`, `ankle_roll.integrate.leak`), and of the whole
-            circuit (`control_step`, `substeps`, `timing`, `seed`).
+            instance `lateral.w`), of nodes (`q1.slope`, `ring.tau`, `ankle_roll.integrate.leak`), and of the
+            whole circuit (`control_step`, `substeps`, `timing`, `seed`).
 
     Raises:
         UnknownNameError: The circuit has no value of this name.
@@ -70,7 +70,8 @@ def analyse(module: Module, findings: Findings) -> CircuitGraph | None:
         found = populations(each, models[id(each)], budget)
         nodes.populations.update((population.name, population) for population in found)
     signals = Signals(nodes)
-    synapses, many = Synapses(nodes, signals, header), []
+    synapses = Synapses(nodes, signals, header)
+    many: list[Projection] = []
     for each in scopes:
         synapses.add(each, models[id(each)])
         if any(each.projections()):

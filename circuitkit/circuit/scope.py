@@ -79,7 +79,7 @@ class Scope:
         self.findings = findings
         self.errors, self.warnings = findings.errors, findings.warnings
         self.outer, self.entry = outer, entry
-        self.prefix = f"{outer.prefix}{entry.name}." if outer and entry else ""
+        self.prefix: str = f"{outer.prefix}{entry.name}." if outer and entry else ""
         self.root: Scope = outer.root if outer else self
         self.main: Item[FileSpec] = Item("", self.parts[-1].spec, self.parts[-1], ())
         self.lost: frozenset[str] = frozenset().union(*(part.lost for part in self.parts))
@@ -356,7 +356,7 @@ class Scope:
         return self._values[name]
 
     def _worked_out(self, name: str, item: Item[ParameterSpec]) -> Quantity | None:
-        """A parameter's value: as declared, unless an including file, an instance or the caller sets another."""
+        """A parameter's value: as declared, unless an including file, an instance or the caller sets it."""
         quantity = self.value(item, item.value_place, item.spec.value)
         for included in self._included.get(name, ()):
             before = self.value(included, included.value_place, included.spec.value)

@@ -181,7 +181,7 @@ class SynapseSpec(WithModelParameters):
     source: str = Field(alias="from", description="Name of an input, a neuron or a member of a population.")
     to: Targets = Field(description="Name of a neuron or of a member of a population, or a list of names.")
     weight: Value = Field(
-        description="Signed; for static synapses in the unit of the target's activation over that of the source."
+        description="Signed; if static, in the unit of the target's activation over that of the source."
     )
     model: str = Field("static", description="What the synapse does: one of the synapse models.")
     delay: Value | None = Field(None, description="How much later the source's output arrives, such as 5 ms.")
@@ -211,7 +211,7 @@ class ProjectionSpec(WithModelParameters):
     source: str = Field(alias="from", description="Name of an input, a neuron or a population.")
     to: str = Field(description="Name of a neuron or of a population.")
     connect: Literal["all_to_all", "one_to_one"] | ConnectSpec = Field(
-        description="all_to_all, one_to_one, or a mapping with one of probability, in_degree, matrix, sources."
+        description="all_to_all, one_to_one, or one of probability, in_degree, matrix and sources as key."
     )
     self_connections: bool = Field(
         True,
@@ -220,7 +220,7 @@ class ProjectionSpec(WithModelParameters):
     )
     weight: Values = Field(
         None,
-        description="As a synapse's; one for all or for each. Times what stands in the matrix, if there is one.",
+        description="As a synapse's, for all or for each; times what stands in the matrix, if there is one.",
     )
     model: str = Field("static", description="What the synapses do: one of the synapse models.")
     delay: Value | None = Field(None, description="How much later the source's output arrives, such as 5 ms.")

@@ -17,7 +17,7 @@ from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.neurons import as_found, in_unit, shown_unit, start
 from circuitkit.circuit.scope import Scope
 from circuitkit.circuit.signals import Signals, Term
-from circuitkit.circuit.spec import ProjectionSpec, SynapseSpec
+from circuitkit.circuit.spec import SynapseSpec
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
 
@@ -206,7 +206,7 @@ class _Wiring:
         return None if quantity is None else Measure(quantity.value_si, quantity.unit)
 
 
-def delay_s(scope: Scope, item: Item[SynapseSpec] | Item[ProjectionSpec]) -> float:
+def delay_s(scope: Scope, item: Item[Any]) -> float:
     """The delay of an entry, [s]."""
     if item.spec.delay is None:
         return 0.0
@@ -237,7 +237,8 @@ def weight_fits(
 ) -> bool:
     """Whether a weight has the dimension that its model gives it between two nodes; complains if not."""
     if model.plain_source and any(source.unit.dimension):
-        message = f"found {source.name} {in_unit(source.unit)}; allowed: sources without unit for the model {model.name}"
+        found = f"found {source.name} {in_unit(source.unit)}"
+        message = f"{found}; allowed: sources without unit for the model {model.name}"
         scope.errors.append(item.problem(("from",), message))
         return False
     rule = model.weight.dimension(target.activation.dimension, source.unit.dimension)

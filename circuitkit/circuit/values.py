@@ -1,4 +1,4 @@
-"""Values of the circuit file: numbers, quantities, parameters, and expressions of these such as `2 * w - 5 mm`.
+"""Values of the circuit file: numbers, quantities, parameters, and expressions such as `2 * w - 5 mm`.
 
 A number directly followed by a unit is a quantity; a unit that stands alone in an expression is one of it.
 """
@@ -31,7 +31,7 @@ _FIRST_STAND_IN = 0x4E00  # one-letter names that no author writes, for quantiti
 
 
 class ValueProblemError(Exception):
-    """A value cannot be used: what was found and what is allowed, a hint at what was meant, and where in it."""
+    """A value cannot be used: what was found and what is allowed, a hint, and where in it."""
 
     def __init__(self, message: str, hint: str = "", offset: int = 0) -> None:
         super().__init__(message, hint)
