@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from circuitkit.circuit.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name, parse_expression
+from circuitkit.circuit.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name
 from circuitkit.circuit.measures import MEASURE_FUNCTIONS, Measure, MisfitError, is_finite, measure
+from circuitkit.circuit.parsing import parse_expression
 from circuitkit.errors import ExpressionError, UnitError, listing, suggest
 from circuitkit.source import describe
 from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit, plain_signs

@@ -19,8 +19,8 @@ from circuitkit.circuit.expression import (
     Name,
     Number,
     Unary,
-    parse_expression,
 )
+from circuitkit.circuit.parsing import parse_expression
 from circuitkit.errors import ExpressionError
 from circuitkit.units import parse_unit
 

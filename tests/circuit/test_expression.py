@@ -17,8 +17,8 @@ from circuitkit.circuit.expression import (
     Name,
     Number,
     Unary,
-    parse_expression,
 )
+from circuitkit.circuit.parsing import parse_expression
 from circuitkit.errors import ExpressionError
 
 NAMES = ("A", "slope", "shift")

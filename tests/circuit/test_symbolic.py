@@ -16,9 +16,9 @@ from circuitkit.circuit.expression import (
     Name,
     Number,
     Unary,
-    parse_expression,
 )
 from circuitkit.circuit.expression import Binary as Joined
+from circuitkit.circuit.parsing import parse_expression
 from circuitkit.circuit.symbolic import constant, derivative, simplify, substitute
 
 NAMES = ("x", "y")

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import expm
 
-from circuitkit.circuit.expression import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.circuit.parsing import parse_expression
 from circuitkit.circuit.symbolic import derivative
 
 WORD = 2**64 - 1
