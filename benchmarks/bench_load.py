@@ -1,0 +1,102 @@
+"""How long it takes from a file to a program that can step."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks.script import number_of
+from circuitkit.circuit import load_circuit, resolve
+from circuitkit.engine import compile_circuit
+from circuitkit.study.bench import Amount, AnyCase
+
+_FIRST_STEP = """
+import sys, time
+from circuitkit.circuit import load_circuit, resolve
+from circuitkit.engine import compile_circuit
+graph = resolve(load_circuit("binn_lateral"))
+compile_circuit(graph, backend="numpy").stepper(1).step()
+begin = time.perf_counter()
+compile_circuit(graph, backend="compiled").stepper(1).step()
+print(time.perf_counter() - begin)
+"""
+_IMPORT = "import time; t = time.perf_counter(); import circuitkit; print(time.perf_counter() - t)"
+_HEAD = """circuit: lines
+control_step: 10 ms
+timing: ordered
+inputs:
+  u: {unit: "1", range: [0, 1]}
+neurons:
+"""
+_WIDTH = 100  # neurons of a layer
+# Neurons, as many synapses, and the limit, [s].
+_SIZES = {1_000: 0.1, 20_000: 3.0}
+
+
+def cases() -> tuple[AnyCase, ...]:
+    """Loading, checking and compiling; building; importing."""
+    return (
+        Amount("load, check and compile: the BiNN", "s", _binn, 0.020),
+        *(
+            Amount(f"load, check and compile: {n} + {n} lines of YAML", "s", _lines(n), limit)
+            for n, limit in _SIZES.items()
+        ),
+        Amount("compiled: the BiNN's first build, without a cache", "s", lambda: _built(cached=False), 3.0),
+        Amount("compiled: the BiNN from the cache", "s", lambda: _built(cached=True), 0.1),
+        Amount("import circuitkit", "s", lambda: lambda: number_of(_IMPORT), 0.150),
+    )
+
+
+def _seconds_of(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
+
+
+def _binn() -> Callable[[], float]:
+    def work() -> object:
+        return compile_circuit(resolve(load_circuit("binn_lateral")))
+
+    work()
+    return lambda: _seconds_of(work)
+
+
+def _lines(n: int) -> Callable[[], Callable[[], float]]:
+    """A file of n neurons in layers and n synapses, every one with numbers of its own."""
+
+    def prepare() -> Callable[[], float]:
+        neurons = (
+            f"  n{i}: {{model: sigmoid, role: excitatory, slope: {1 + i % 97}, shift: 0.{i % 89}}}\n"
+            for i in range(n)
+        )
+        sources = ["u"] * _WIDTH + [f"n{i}" for i in range(n - _WIDTH)]
+        synapses = (
+            f"  - {{from: {source}, to: n{i}, weight: 1.{i % 83}}}\n" for i, source in enumerate(sources)
+        )
+        readout = ", ".join(f"n{i}: 1" for i in range(n - _WIDTH, n))
+        outputs = f'outputs:\n  y: {{unit: "1", readout: {{{readout}}}}}\n'
+        text = "".join((_HEAD, *neurons, "synapses:\n", *synapses, outputs))
+
+        def once() -> float:
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "lines.yaml"
+                path.write_text(text, encoding="utf-8")
+                return _seconds_of(lambda: compile_circuit(resolve(load_circuit(path))))
+
+        return once
+
+    return prepare
+
+
+def _built(*, cached: bool) -> Callable[[], float]:
+    """The first step in a process of its own, with a cache of its own."""
+
+    def once() -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            if cached:
+                number_of(_FIRST_STEP, CIRCUITKIT_CACHE=folder)
+            return number_of(_FIRST_STEP, CIRCUITKIT_CACHE=folder)
+
+    return once
