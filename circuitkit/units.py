@@ -29,6 +29,8 @@ class Dimension(NamedTuple):
 
     def times(self, other: Dimension, power: int = 1) -> Dimension:
         """Dimension of the product `self * other ** power`."""
+        if not power or other == _NO_DIMENSION:
+            return self
         return Dimension(*(mine + power * theirs for mine, theirs in zip(self, other, strict=True)))
 
     @property
@@ -44,6 +46,9 @@ class Dimension(NamedTuple):
 
     def __str__(self) -> str:
         return _fraction_text(self, self._fields) if any(self) else "dimensionless"
+
+
+_NO_DIMENSION = Dimension()
 
 
 def _fraction_text(exponents: tuple[int, ...], names: tuple[str, ...]) -> str:

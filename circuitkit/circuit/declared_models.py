@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -23,7 +23,7 @@ from circuitkit.circuit.scope import Scope
 from circuitkit.circuit.spec import WithModelParameters
 from circuitkit.errors import InputError, listing, suggest
 from circuitkit.source import STRAY_TEXT, Document, Place
-from circuitkit.units import format_quantity
+from circuitkit.units import DIMENSIONLESS
 
 ModelT = TypeVar("ModelT", NeuronModel, SynapseModel)
 # How the values of an entry are read: a neuron's as one number each, a population's perhaps as arrays.
@@ -147,21 +147,34 @@ def check_order(
     scope: Scope, item: Item[Any], model: NeuronModel | SynapseModel, written: Mapping[str, Measure]
 ) -> None:
     """Complain about parameters that must increase and do not."""
-    ordered = [(name, written[name]) for name in model.increasing if name in written]
+    if not model.increasing:
+        return
+    ordered = [*_ordered(model, written)]
     for (smaller, low), (larger, high) in pairwise(ordered):
-        if low.dimension != high.dimension:
+        if low.dimension != high.dimension or (smaller not in written and larger not in written):
             continue
         wrong = low.value >= high.value
         if not isinstance(wrong, bool):
             wrong = bool(wrong.any())
         if wrong:
-            found = f"found {smaller} {_shown(low)} and {larger} {_shown(high)}"
-            scope.errors.append(item.problem((smaller,), f"{found}; allowed: {smaller} below {larger}"))
+            found = " and ".join(
+                f"{name} {value}" if name in written else f"{name} {value} (by default)"
+                for name, value in ((smaller, low), (larger, high))
+            )
+            place = smaller if smaller in written else larger
+            message = f"found {found}; allowed: {smaller} below {larger}"
+            scope.errors.append(item.problem((place,), message))
 
 
-def _shown(value: Measure) -> str:
-    if isinstance(value.value, int | float):
-        return format_quantity(value.value, value.unit)
-    bounds = (value.value.min(), value.value.max())
-    lowest, highest = (format_quantity(float(bound), value.unit) for bound in bounds)
-    return f"from {lowest} to {highest}"
+def _ordered(
+    model: NeuronModel | SynapseModel, written: Mapping[str, Measure]
+) -> Iterator[tuple[str, Measure]]:
+    """The parameters of a model that must increase, as written or by default."""
+    parameters = {parameter.name: parameter for parameter in model.parameters}
+    for name in model.increasing:
+        parameter = parameters[name]
+        if name in written:
+            yield name, written[name]
+        elif parameter.default is not None:
+            others = (written[other].unit for other in model.increasing if other in written)
+            yield name, Measure(parameter.default, parameter.unit or next(others, DIMENSIONLESS))

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, ClassVar, TypeAlias
 
 from circuitkit.circuit.expression import SCALAR_FUNCTIONS
-from circuitkit.units import DIMENSIONLESS, Dimension, Quantity, Unit
+from circuitkit.units import DIMENSIONLESS, Dimension, Unit, format_quantity
 
 # A float, or a numpy array with a value for each member of a population.
 Number: TypeAlias = Any
@@ -50,9 +50,12 @@ class Measure:
         """The dimension of the unit."""
         return self.unit.dimension
 
-    def as_quantity(self) -> Quantity:
-        """The same as a quantity; of one number only."""
-        return Quantity(float(self.value), self.unit)
+    def __str__(self) -> str:
+        if isinstance(self.value, int | float):
+            return format_quantity(self.value, self.unit)
+        bounds = (float(self.value.min()), float(self.value.max()))
+        lowest, highest = (format_quantity(bound, self.unit) for bound in bounds)
+        return f"values from {lowest} to {highest}"
 
     def __neg__(self) -> Measure:
         return Measure(-self.value, self.unit)

@@ -23,7 +23,8 @@ def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
         model = models.neuron(item)
         if model is None:
             continue
-        unit, parameters = neuron_parameters(scope, item, model, _reader(scope, item))
+        read = _reader(scope, item)
+        unit, parameters = neuron_parameters(scope, item, model, read)
         yield Neuron(
             name=scope.prefix + name,
             model=model,
@@ -31,8 +32,8 @@ def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
             parameters=parameters,
             activation_unit=unit,
             description=item.spec.description,
-            initial=neuron_start(scope, item, model, unit, parameters, _reader(scope, item)),
-            noise=neuron_noise(scope, item, unit, _reader(scope, item)),
+            initial=neuron_start(scope, item, model, unit, parameters, read),
+            noise=neuron_noise(scope, item, unit, read),
             origin=item.origin,
         )
 
@@ -54,9 +55,9 @@ def neuron_parameters(
     for parameter in model.parameters:
         if parameter.name in written:
             dimension = parameter.unit_rule.dimension(unit.dimension)
-            wanted = shown_unit(parameter, dimension, unit)
-            reason = because(parameter, unit)
-            scope.fits(item, (parameter.name,), as_found(written[parameter.name]), wanted, reason)
+            if written[parameter.name].unit.dimension != dimension:
+                wanted, reason = shown_unit(parameter, dimension, unit), because(parameter, unit)
+                scope.fits(item, (parameter.name,), written[parameter.name], wanted, reason)
     check_order(scope, item, model, written)
     values: dict[str, Any] = {each.name: each.default or 0.0 for each in model.parameters}
     return unit, values | {name: measure.value for name, measure in written.items()}
@@ -99,11 +100,6 @@ def in_unit(unit: Unit) -> str:
     return f"in {unit}" if any(unit.dimension) else "dimensionless"
 
 
-def as_found(measure: Measure) -> Any:  # noqa: ANN401 - a quantity, or a measure with an array
-    """A measure as it is named in messages: a quantity if it is one number."""
-    return measure.as_quantity() if isinstance(measure.value, int | float) else measure
-
-
 def start(model: NeuronModel | SynapseModel, values: Mapping[str, Any]) -> dict[str, Any]:
     """The start of every state of a model by its own declaration, [SI].
 
@@ -122,6 +118,8 @@ def neuron_start(
     scope: Scope, item: Item[Any], model: NeuronModel, unit: Unit, parameters: Mapping[str, Any], read: Reader
 ) -> dict[str, Any]:
     """The start of every state of a neuron or population: as the entry says, else as the model does, [SI]."""
+    if not model.states and not item.spec.initial:
+        return {}
     states = {state.name: state for state in model.states}
     for name in item.spec.initial:
         if name not in states:
@@ -134,7 +132,7 @@ def neuron_start(
             continue
         value = read(place, item.spec.initial.get(name))
         wanted = shown_unit(state, state.unit_rule.dimension(unit.dimension), unit)
-        if value is not None and scope.fits(item, place, as_found(value), wanted, because(state, unit)):
+        if value is not None and scope.fits(item, place, value, wanted, because(state, unit)):
             initial[name] = value.value
     return initial
 
@@ -145,11 +143,9 @@ def neuron_noise(scope: Scope, item: Item[Any], unit: Unit, read: Reader) -> Any
     if item.spec.noise is None and not scope.is_given(item, place):
         return 0.0
     noise = read(place, item.spec.noise)
-    if noise is None or not scope.fits(
-        item, place, as_found(noise), unit, f"the activation is {in_unit(unit)}"
-    ):
+    if noise is None or not scope.fits(item, place, noise, unit, f"the activation is {in_unit(unit)}"):
         return 0.0
     lowest = noise.value if isinstance(noise.value, int | float) else noise.value.min()
     if lowest < 0:
-        scope.errors.append(item.problem(place, f"found {as_found(noise)}; allowed: 0 or more"))
+        scope.errors.append(item.problem(place, f"found {noise}; allowed: 0 or more"))
     return noise.value

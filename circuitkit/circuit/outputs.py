@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from circuitkit.circuit.ends import Nodes
 from circuitkit.circuit.graph import OutputNode, PerMember
 from circuitkit.circuit.items import Item
-from circuitkit.circuit.neurons import as_found, in_unit
+from circuitkit.circuit.neurons import in_unit
 from circuitkit.circuit.scope import Scope
 from circuitkit.circuit.spec import OutputSpec
 from circuitkit.units import DIMENSIONLESS, Unit, parse_unit
@@ -51,7 +51,7 @@ def _readout(
             from circuitkit.circuit.spread import spread
 
             values = spread(scope, item, place, value, end.size)
-            if values is not None and scope.fits(item, place, as_found(values), unit, reason):
+            if values is not None and scope.fits(item, place, values, unit, reason):
                 yield end.name, values.value
             continue
         weight = scope.value(item, place, value, unit, reason)

@@ -314,12 +314,11 @@ class Scope:
             return True
         allowed = f"{unit.dimension}, such as '1 {unit}'" if any(unit.dimension) else "a number without unit"
         because = f", since {reason}" if reason else ""
-        found = str(quantity) if isinstance(quantity, Quantity) else f"values in {quantity.unit}"
-        message = f"found {found} ({quantity.dimension}); allowed: {allowed}{because}"
-        is_bare = isinstance(quantity, Quantity) and quantity.unit == DIMENSIONLESS
-        self.errors.append(
-            item.problem(inner, message, f"did you mean '{quantity} {unit}'?" if is_bare else "")
-        )
+        message = f"found {quantity} ({quantity.dimension}); allowed: {allowed}{because}"
+        is_one_number = isinstance(quantity, Quantity) or isinstance(quantity.value, int | float)
+        is_bare = is_one_number and quantity.unit == DIMENSIONLESS
+        hint = f"did you mean '{quantity} {unit}'?" if is_bare else ""
+        self.errors.append(item.problem(inner, message, hint))
         return False
 
     def pair(

@@ -14,7 +14,7 @@ from circuitkit.circuit.header import Header
 from circuitkit.circuit.items import Item
 from circuitkit.circuit.measures import Measure
 from circuitkit.circuit.models import SynapseModel
-from circuitkit.circuit.neurons import as_found, in_unit, shown_unit, start
+from circuitkit.circuit.neurons import in_unit, shown_unit, start
 from circuitkit.circuit.scope import Scope
 from circuitkit.circuit.signals import Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
@@ -249,7 +249,7 @@ def weight_fits(
     if any(model.weight.fixed):
         reason = f"the weight of {model.name} is {_product_text(model)}, and {reason}"
     unit = target.activation if rule == target.activation.dimension else rule.si_unit
-    return scope.fits(item, ("weight",), as_found(weight), unit, reason)
+    return scope.fits(item, ("weight",), weight, unit, reason)
 
 
 def _product_text(model: SynapseModel) -> str:
@@ -277,7 +277,7 @@ def check_parameters(
         if dimension == weight.dimension and parameter.unit_rule.weight:
             wanted = weight
         reason = f"{parameter.name} is in {parameter.unit_rule}"
-        scope.fits(item, (parameter.name,), as_found(parameters[parameter.name]), wanted, reason)
+        scope.fits(item, (parameter.name,), parameters[parameter.name], wanted, reason)
     check_order(scope, item, model, parameters)
 
 

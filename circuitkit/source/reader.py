@@ -18,7 +18,7 @@ from circuitkit.errors import InputError, Problem, suggest
 from circuitkit.source.document import Data, Document, Mark, Place, place_text
 from circuitkit.source.scalars import RefusedScalarError, plain_scalar
 
-_LARGEST_DOCUMENT = 200_000
+_MOST_BY_ALIASES = 200_000
 _DEEPEST = 50
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -131,7 +131,7 @@ class _Builder:
     shifts: dict[Place, int | None] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     anchors: dict[str, _Anchored | None] = field(default_factory=dict)
-    size: int = 0
+    brought: int = 0
     parser: Any = None
 
     def document(self) -> Data:
@@ -153,28 +153,31 @@ class _Builder:
 
     def build(self, event: Any, place: Place, key: Any = None) -> Data:  # noqa: ANN401 - PyYAML has no types
         """The data that starts with an event; `key` is the event of its key in the mapping around it."""
-        at, key_at = event.start_mark, (key or event).start_mark
-        self.marks[place] = Mark(at.line + 1, at.column + 1, key_at.line + 1, key_at.column + 1)
-        before = self.size
-        self.grow(event, 1)
-        if isinstance(event, yaml.AliasEvent):
+        at = event.start_mark
+        key_at = key.start_mark if key else at
+        line, column = at.line + 1, at.column + 1
+        # Made without its own checks: a large file has hundreds of thousands.
+        self.marks[place] = tuple.__new__(Mark, (line, column, key_at.line + 1, key_at.column + 1))
+        kind = type(event)
+        if kind is yaml.ScalarEvent and event.tag is None and event.anchor is None:
+            return self.scalar(event, place, line)
+        if kind is yaml.AliasEvent:
             return self.alias(event, place)
         if event.tag is not None:
             self.complain(event, place, f"found the tag '{event.tag}'; allowed: values without tags")
+        before = len(self.marks) + self.brought
         if event.anchor is not None:
             self.anchors[event.anchor] = None
-        if isinstance(event, yaml.ScalarEvent):
-            if event.style or at.line != event.end_mark.line:
-                self.shifts[place] = 1 if at.line == event.end_mark.line else None
-            data = self.scalar(event, place)
+        if kind is yaml.ScalarEvent:
+            data = self.scalar(event, place, line)
         elif len(place) >= _DEEPEST:
             self.give_up(event, f"found lists or mappings nested too deep; allowed: {_DEEPEST}")
-        elif isinstance(event, yaml.SequenceStartEvent):
+        elif kind is yaml.SequenceStartEvent:
             data = self.sequence(place)
         else:
             data = self.mapping(place)
         if event.anchor is not None:
-            self.anchors[event.anchor] = _Anchored(data, self.size - before)
+            self.anchors[event.anchor] = _Anchored(data, len(self.marks) + self.brought - before + 1)
         return data
 
     def alias(self, event: Any, place: Place) -> Data:  # noqa: ANN401 - as above
@@ -187,52 +190,56 @@ class _Builder:
         if anchored is None:
             self.complain(event, place, "found an alias inside what it stands for; allowed: aliases that end")
             return None
-        self.grow(event, anchored.size)
+        self.brought += anchored.size
+        if self.brought > _MOST_BY_ALIASES:
+            message = f"found aliases that bring more than {_MOST_BY_ALIASES} values; allowed: fewer"
+            self.give_up(event, message)
         return anchored.data
 
-    def scalar(self, event: Any, place: Place) -> Data:  # noqa: ANN401 - as above
-        """The value of a scalar; what is refused is reported, and stays as its text."""
+    def scalar(self, event: Any, place: Place, line: int) -> Data:  # noqa: ANN401 - as above
+        """The value of a scalar on a line; what is refused is reported, and stays as its text."""
+        text: str = event.value
+        if event.style or "\n" in text or " " in text:
+            is_on_one_line = event.end_mark.line + 1 == line
+            if event.style or not is_on_one_line:
+                self.shifts[place] = 1 if is_on_one_line else None
         if not event.implicit[0]:
-            return str(event.value)
+            return text
         try:
-            return plain_scalar(event.value)
+            return plain_scalar(text)
         except RefusedScalarError as error:
             self.complain(event, place, str(error))
-            return str(event.value)
+            return text
 
     def sequence(self, place: Place) -> list[Data]:
         """The items up to the end of a list."""
         items: list[Data] = []
-        while not isinstance(event := self.parser.get_event(), yaml.SequenceEndEvent):
-            items.append(self.build(event, (*place, len(items))))
+        next_event, build = self.parser.get_event, self.build
+        while type(event := next_event()) is not yaml.SequenceEndEvent:
+            items.append(build(event, (*place, len(items))))
         return items
 
     def mapping(self, place: Place) -> dict[str, Data]:
         """The entries up to the end of a mapping; equal keys are reported, and the first one counts."""
         data: dict[str, Data] = {}
-        while not isinstance(key := self.parser.get_event(), yaml.MappingEndEvent):
-            if not isinstance(key, yaml.ScalarEvent) or key.value == "":
+        next_event, build = self.parser.get_event, self.build
+        while type(key := next_event()) is not yaml.MappingEndEvent:
+            if type(key) is not yaml.ScalarEvent or key.value == "":
                 self.give_up(key, "found a key that is no text; allowed: a name as key")
-            inner = (*place, key.value)
-            if key.value == "<<" and key.implicit[0]:
-                self.complain(key, place, "found the merge key '<<'; allowed: every entry written out")
-                self.build(self.parser.get_event(), inner, key)
-            elif key.value in data:
+            name: str = key.value
+            inner = (*place, name)
+            if name in data:
                 first = self.marks[inner]
-                again = f"duplicate key '{key.value}', first on line {first.key_line}; allowed: each key once"
+                again = f"duplicate key '{name}', first on line {first.key_line}; allowed: each key once"
                 self.complain(key, inner, again)
-                self.build(self.parser.get_event(), inner, key)
+                build(next_event(), inner, key)
                 self.marks[inner] = first
+            elif name == "<<" and key.implicit[0]:
+                self.complain(key, place, "found the merge key '<<'; allowed: every entry written out")
+                build(next_event(), inner, key)
             else:
-                data[key.value] = self.build(self.parser.get_event(), inner, key)
+                data[name] = build(next_event(), inner, key)
         return data
-
-    def grow(self, event: Any, values: int) -> None:  # noqa: ANN401 - as above
-        """Count values, each time that an alias brings them."""
-        self.size += values
-        if self.size > _LARGEST_DOCUMENT:
-            message = f"found more than {_LARGEST_DOCUMENT} values, aliases counted; allowed: fewer"
-            self.give_up(event, message)
 
     def complain(self, event: Any, place: Place, message: str, hint: str = "") -> None:  # noqa: ANN401 - as above
         """Note a problem at an event."""
