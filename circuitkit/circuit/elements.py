@@ -10,7 +10,8 @@ from typing import Any, TypeAlias
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron, OutputNode, Population, Projection, Synapse
 from circuitkit.circuit.models import NeuronModel, SynapseModel
-from circuitkit.units import DIMENSIONLESS, Dimension, Unit, format_quantity, parse_unit
+from circuitkit.circuit.neurons import shown_unit
+from circuitkit.units import DIMENSIONLESS, Unit, format_quantity, parse_unit
 
 Fields: TypeAlias = "dict[str, tuple[Any, Unit | None]]"  # a value, and the unit in which it is shown
 _MILLISECONDS, _PERCENT = parse_unit("ms"), parse_unit("%")
@@ -91,13 +92,6 @@ def value_text(value: Any, unit: Unit | None, digits: int = 6) -> str:  # noqa: 
     return format_quantity(float(value), unit, digits)
 
 
-def value_unit(dimension: Dimension, own: Unit | None, activation: Unit) -> Unit:
-    """The unit in which a value of a model is shown: the model's, the activation's, or that of SI."""
-    if own is not None and own.dimension == dimension:
-        return own
-    return activation if activation.dimension == dimension else dimension.si_unit
-
-
 def _models(graph: CircuitGraph) -> Iterable[NeuronModel | SynapseModel]:
     """The models that the circuit uses, each once."""
     nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
@@ -152,11 +146,11 @@ def _neuron_fields(node: Neuron | Population) -> Fields:
     unit = node.activation_unit
     fields: Fields = {"model": (node.model.name, None), "role": (node.role, None)}
     for parameter in node.model.parameters:
-        shown = value_unit(parameter.unit_rule.dimension(unit.dimension), parameter.unit, unit)
+        shown = shown_unit(parameter, parameter.unit_rule.dimension(unit.dimension), unit)
         fields[parameter.name] = (node.parameters[parameter.name], shown)
     for state in node.model.states:
         if state.name in node.initial:
-            shown = value_unit(state.unit_rule.dimension(unit.dimension), state.unit, unit)
+            shown = shown_unit(state, state.unit_rule.dimension(unit.dimension), unit)
             fields[f"initial {state.name}"] = (node.initial[state.name], shown)
     fields["noise"] = (node.noise, unit)
     return fields | _described(node.description)
@@ -207,16 +201,16 @@ def _edge_fields(edge: Synapse | Projection, target: Unit, source: Unit) -> Fiel
     if isinstance(edge, Projection):
         fields["synapses"] = (_connections(edge), None)
     weight = edge.weight if isinstance(edge, Synapse) else edge.weights
-    fields["weight"] = (weight, value_unit(dimension, None, target))
+    fields["weight"] = (weight, target if dimension == target.dimension else dimension.si_unit)
     if model.name != "static":
         fields["model"] = (model.name, None)
     for parameter in model.parameters:
         rule = parameter.unit_rule.dimension(target.dimension, source.dimension, dimension)
-        fields[parameter.name] = (edge.parameters[parameter.name], value_unit(rule, parameter.unit, target))
+        fields[parameter.name] = (edge.parameters[parameter.name], shown_unit(parameter, rule, target))
     for state in model.states:
         if state.name in edge.initial:
             rule = state.unit_rule.dimension(target.dimension, source.dimension, dimension)
-            fields[f"initial {state.name}"] = (edge.initial[state.name], value_unit(rule, state.unit, target))
+            fields[f"initial {state.name}"] = (edge.initial[state.name], shown_unit(state, rule, target))
     if edge.delay_s:
         fields["delay"] = (edge.delay_s, _MILLISECONDS)
     return fields

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from circuitkit.cli.options import (
+    SETTINGS,
+    Backend,
+    Circuit,
+    Folder,
+    Push,
+    Scenario,
+    Seed,
+    Settings,
+    Verbose,
+    Verdicts,
+    Video,
+    named_values,
+    require_folder,
+)
 from circuitkit.cli.printing import examples
 from circuitkit.cli.results import finish
 
@@ -17,38 +31,27 @@ def register(app: typer.Typer) -> None:
         epilog=examples(
             "circuitkit compare nao_push --controllers open_loop,circuit",
             "circuitkit compare nao_push --controllers open_loop,circuit --push 20N,200ms,outward --seed 1",
+            "circuitkit compare nao_push --controllers open_loop,circuit --set w=1deg",
             "circuitkit compare nao_push --controllers open_loop,circuit -o out/compare --json",
         )
     )(compare)
 
 
 def compare(
-    scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")
-    ],
+    scenario: Scenario,
     *,
     controllers: Annotated[
         str, typer.Option("--controllers", metavar="NAME,NAME...", help="Controllers, separated by commas.")
     ],
-    circuit: Annotated[
-        str | None,
-        typer.Option("--circuit", metavar="FILE", help="The circuit of the controller named circuit."),
-    ] = None,
-    push: Annotated[
-        str | None,
-        typer.Option(
-            "--push", metavar="FORCE,DURATION,DIRECTION", help="Push so instead, such as 20N,200ms,inward."
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", min=0, help="Of the noise and of the push's jitter.")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for the recordings and the plots."),
-    ] = None,
-    video: Annotated[bool, typer.Option("--video", help="Also film the robot; needs -o.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")] = False,
+    circuit: Circuit = None,
+    settings: Settings = None,
+    push: Push = None,
+    seed: Seed = None,
+    backend: Backend = "auto",
+    output: Folder = None,
+    video: Video = False,
+    verbose: Verbose = False,
+    as_json: Verdicts = False,
 ) -> None:
     """Run a scenario under several controllers.
 
@@ -60,9 +63,8 @@ def compare(
     if not names:
         message = "name at least one controller, such as open_loop,circuit"
         raise typer.BadParameter(message, param_hint="--controllers")
-    if video and output is None:
-        message = "--video needs a folder to write to: -o DIR"
-        raise typer.BadParameter(message)
+    require_folder(output, video=video)
+    values = named_values(settings, *SETTINGS)
 
     from circuitkit.simulate import compare as run_comparison
 
@@ -70,10 +72,12 @@ def compare(
         scenario,
         names,
         circuit=circuit,
+        settings=values,
+        backend=backend,
         push=push,
         seed=seed,
         output=output,
         video=video,
         progress=True,
     )
-    finish([result.row() for result in results], output, as_json=as_json)
+    finish(results, output, as_json=as_json, verbose=verbose)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from circuitkit.cli.options import CircuitFile, Settings, read_graph
 from circuitkit.cli.printing import examples, note
 
 
@@ -24,15 +25,13 @@ def register(app: typer.Typer) -> None:
         epilog=examples(
             "circuitkit draw binn_lateral -o out.svg",
             "circuitkit draw my_circuit.yaml -o out.html",
-            "circuitkit draw binn_lateral --what activations -o curves.pdf",
+            "circuitkit draw binn_lateral --what activations --set margin=4mm -o curves.pdf",
         )
     )(draw)
 
 
 def draw(
-    file: Annotated[
-        str, typer.Argument(metavar="FILE", help="A circuit file, or the name of a shipped circuit.")
-    ],
+    file: CircuitFile,
     *,
     output: Annotated[
         Path,
@@ -41,6 +40,7 @@ def draw(
     what: Annotated[
         What, typer.Option("--what", help="The network, or the curve of every neuron.")
     ] = What.GRAPH,
+    settings: Settings = None,
 ) -> None:
     """Draw a circuit.
 
@@ -48,9 +48,8 @@ def draw(
 
     The suffix of OUT chooses the format. Missing folders of OUT are made.
     """
-    from circuitkit.circuit import load_circuit, resolve
     from circuitkit.draw import draw_activations, draw_circuit
 
     write = {What.GRAPH: draw_circuit, What.ACTIVATIONS: draw_activations}[what]
-    write(resolve(load_circuit(file)), output)
+    write(read_graph(file, settings), output)
     note(f"wrote {output}")

@@ -21,14 +21,25 @@ Settings: TypeAlias = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Change a value of the circuit, such as w=2deg or q1.slope=50; once for each value.",
+        help="Change a value of the circuit, such as w=2deg or q1.slope=50/m; once for each.",
     ),
 ]
+Backend: TypeAlias = Annotated[
+    str, typer.Option("--backend", metavar="NAME", help="auto, numpy or compiled; auto takes the fastest.")
+]
+Verbose: TypeAlias = Annotated[
+    bool, typer.Option("--verbose", help="Also say which backend ran it, and why.")
+]
+SETTINGS = ("--set", "w=2deg")  # for `named_values`
 Push: TypeAlias = Annotated[
     str | None,
     typer.Option(
         "--push", metavar="FORCE,DURATION,DIRECTION", help="Push so instead, such as 20N,200ms,inward."
     ),
+]
+Circuit: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--circuit", metavar="FILE", help="Control with this circuit, a file or a shipped name."),
 ]
 Seed: TypeAlias = Annotated[
     int | None,
@@ -84,17 +95,7 @@ def read_graph(file: str, settings: list[str] | None) -> CircuitGraph:
         typer.BadParameter: `--set` is not of the form NAME=VALUE.
         InputError: The file is wrong, or what `--set` makes of it; the message then names the option.
     """
-    from dataclasses import replace
+    from circuitkit.circuit import load_circuit
+    from circuitkit.circuit.settings import resolve_with
 
-    from circuitkit.circuit import load_circuit, resolve
-    from circuitkit.errors import InputError
-
-    values = named_values(settings, "--set", "w=2deg")
-    spec = load_circuit(file)
-    if not values:
-        return resolve(spec)
-    try:
-        return resolve(spec, values)
-    except InputError as error:  # the file itself is sound, or it would not have been loaded
-        problems = (replace(each, message=f"{each.message} (with --set)") for each in error.problems)
-        raise InputError(*problems) from error
+    return resolve_with(load_circuit(file), named_values(settings, *SETTINGS))

@@ -5,28 +5,35 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from circuitkit.cli.main import INTERRUPTED
 from circuitkit.cli.printing import note, print_json, print_table
 
+if TYPE_CHECKING:
+    from circuitkit.simulate.run import Result
 
-def finish(rows: Sequence[Mapping[str, Any]], output: Path | None, *, as_json: bool) -> None:
+
+def finish(results: Sequence[Result], output: Path | None, *, as_json: bool, verbose: bool) -> None:
     """Print verdicts; a run that was stopped by Ctrl-C has its say too, and then ends the command.
 
     Args:
-        rows: As for `print_results`, with "interrupted".
+        results: The runs.
         output: Where the recordings were written; None if nowhere.
         as_json: Print JSON instead of a table.
+        verbose: Also say which backend ran the circuit.
     """
+    rows = [result.row() for result in results]
     if as_json:
         print_json(rows)
     else:
         print_results(rows)
         if output is not None:
             note(f"wrote {output}")
+    for text in dict.fromkeys(result.backend for result in results if verbose and result.backend):
+        note(text)
     for text in (text for row in rows for text in row.get("notes", ())):
         note(text)
     if any(row["interrupted"] for row in rows):

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import sys
+from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from circuitkit.cli.options import Backend, CircuitFile, Settings, Verbose, named_values, read_graph
 from circuitkit.cli.printing import examples, note, print_json, progress_bar
+
+if TYPE_CHECKING:
+    from circuitkit.engine.table import RunTable
+
+
+class Precision(Enum):
+    """In which numbers a circuit is computed."""
+
+    FLOAT64 = "float64"
+    FLOAT32 = "float32"
 
 
 def register(app: typer.Typer) -> None:
@@ -18,14 +30,14 @@ def register(app: typer.Typer) -> None:
             "circuitkit run binn_lateral --input zmp_y=70mm --steps 100 -o out.csv",
             'circuitkit run binn_lateral --input "zmp_y=-90 mm" --input force_difference=0.4 --steps 20',
             "circuitkit run binn_lateral --inputs table.csv -o out.nc",
+            "circuitkit run binn_lateral --set w=2deg --set q1.slope=50/m --steps 20 --backend numpy",
+            "circuitkit run matsuoka_half_centre --steps 300 --record flexor.v --record joint_angle",
         )
     )(run)
 
 
 def run(
-    file: Annotated[
-        str, typer.Argument(metavar="FILE", help="A circuit file, or the name of a shipped circuit.")
-    ],
+    file: CircuitFile,
     *,
     values: Annotated[
         list[str] | None,
@@ -47,12 +59,27 @@ def run(
         int | None,
         typer.Option("--steps", metavar="N", min=1, help="How many steps; by default the rows of TABLE.csv."),
     ] = None,
+    settings: Settings = None,
+    record: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--record",
+            metavar="NAME",
+            help="Only this neuron, population, output or state such as q1.v; once for each name.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
             "--output", "-o", metavar="OUT", help="Ends in .csv or .nc; by default CSV on standard output."
         ),
     ] = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the neurons' noise.")] = 0,
+    backend: Backend = "auto",
+    precision: Annotated[
+        Precision, typer.Option("--precision", help="Of the numbers it is computed in.")
+    ] = Precision.FLOAT64,
+    verbose: Verbose = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print a summary with the last row as JSON.")
     ] = False,
@@ -62,22 +89,40 @@ def run(
     One row a step; the columns are time_s, then inputs, neurons and outputs by name, each in the unit that
     the circuit file declares. Inputs that are not given are held at 0. Missing folders of OUT are made.
     """
-    from circuitkit.circuit import load_circuit, resolve
-    from circuitkit.engine.table import csv_lines, require_format, run_table, write_run
+    from circuitkit.engine.table import require_format, run_table, write_run
 
-    constants = _named_values(values or [])
+    constants = named_values(values, "--input", "zmp_y=70mm")
     if steps is None and table is None:
         message = "give --steps N, or --inputs TABLE.csv with one row a step"
         raise typer.BadParameter(message)
     if output is not None:
         require_format(output)
-    graph = resolve(load_circuit(file))
+    graph = read_graph(file, settings)
     with progress_bar("running") as progress:
-        result = run_table(graph, values=constants, table=table, steps=steps, progress=progress)
+        result = run_table(
+            graph,
+            values=constants,
+            table=table,
+            steps=steps,
+            record=record or (),
+            backend=backend,
+            precision=precision.value,
+            seed=seed,
+            progress=progress,
+        )
     for text in result.notes:
         note(f"note: {text}")
+    if verbose:
+        note(result.backend)
     if output is not None:
         write_run(result, output)
+    _print(result, output, as_json=as_json)
+
+
+def _print(result: RunTable, output: Path | None, *, as_json: bool) -> None:
+    """The summary, a note of the file that was written, or the table itself."""
+    from circuitkit.engine.table import csv_lines
+
     if as_json:
         print_json(
             {
@@ -87,23 +132,10 @@ def run(
                 "units": {column.name: column.unit.symbol for column in result.columns},
                 "last": result.last(),
                 "recording": str(output) if output is not None else None,
+                "backend": result.backend,
             }
         )
     elif output is not None:
         note(f"wrote {output}: {result.steps} steps of {result.step_s * 1e3:g} ms")
     else:
         sys.stdout.writelines(csv_lines(result))
-
-
-def _named_values(texts: list[str]) -> dict[str, str]:
-    named: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not (equals and name.strip() and value.strip()):
-            message = f"found '{text}'; allowed: NAME=VALUE, such as zmp_y=70mm"
-            raise typer.BadParameter(message, param_hint="--input")
-        if name.strip() in named:
-            message = f"'{name.strip()}' is given twice"
-            raise typer.BadParameter(message, param_hint="--input")
-        named[name.strip()] = value.strip()
-    return named

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from circuitkit.cli.options import (
+    SETTINGS,
+    Backend,
+    Circuit,
+    Folder,
+    Push,
+    Scenario,
+    Seed,
+    Settings,
+    Verbose,
+    Verdicts,
+    Video,
+    named_values,
+    require_folder,
+)
 from circuitkit.cli.printing import examples
 from circuitkit.cli.results import finish
 
@@ -17,43 +31,29 @@ def register(app: typer.Typer) -> None:
         epilog=examples(
             "circuitkit simulate nao_push",
             "circuitkit simulate nao_push --controller open_loop --seed 3 -o out/open_loop",
-            "circuitkit simulate nao_push --circuit my_circuit.yaml --push 20N,200ms,inward",
+            "circuitkit simulate nao_push --circuit my_circuit.yaml --set w=1deg --push 20N,200ms,inward",
             "circuitkit simulate nao_push -o out/film --video",
         )
     )(simulate)
 
 
 def simulate(
-    scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped one.")
-    ],
+    scenario: Scenario,
     *,
-    circuit: Annotated[
-        str | None,
-        typer.Option(
-            "--circuit", metavar="FILE", help="Control with this circuit, a file or a shipped name."
-        ),
-    ] = None,
+    circuit: Circuit = None,
+    settings: Settings = None,
     controller: Annotated[
         str | None,
         typer.Option("--controller", metavar="NAME", help="Control with this controller, such as open_loop."),
     ] = None,
-    push: Annotated[
-        str | None,
-        typer.Option(
-            "--push", metavar="FORCE,DURATION,DIRECTION", help="Push so instead, such as 20N,200ms,inward."
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", min=0, help="Of the noise and of the push's jitter.")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for the recording and the plots."),
-    ] = None,
-    video: Annotated[bool, typer.Option("--video", help="Also film the robot; needs -o.")] = False,
+    push: Push = None,
+    seed: Seed = None,
+    backend: Backend = "auto",
+    output: Folder = None,
+    video: Video = False,
     view: Annotated[bool, typer.Option("--view", help="Watch in a window while it runs.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the verdict as JSON.")] = False,
+    verbose: Verbose = False,
+    as_json: Verdicts = False,
 ) -> None:
     """Run a robot in closed loop with a controller.
 
@@ -64,9 +64,8 @@ def simulate(
     if circuit is not None and controller is not None:
         message = "give --circuit or --controller, not both"
         raise typer.BadParameter(message)
-    if video and output is None:
-        message = "--video needs a folder to write to: -o DIR"
-        raise typer.BadParameter(message)
+    require_folder(output, video=video)
+    values = named_values(settings, *SETTINGS)
 
     from circuitkit.simulate import simulate as run_simulation
 
@@ -74,6 +73,8 @@ def simulate(
         scenario,
         controller=controller,
         circuit=circuit,
+        settings=values,
+        backend=backend,
         push=push,
         seed=seed,
         output=output,
@@ -81,4 +82,4 @@ def simulate(
         view=view,
         progress=True,
     )
-    finish([result.row()], output, as_json=as_json)
+    finish([result], output, as_json=as_json, verbose=verbose)

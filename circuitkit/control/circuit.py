@@ -29,6 +29,7 @@ class CircuitController:
         observations: Mapping[str, Unit],
         commands: Mapping[str, Unit],
         step_s: float,
+        backend: str = "numpy",
     ) -> None:
         """Bind a circuit to a robot.
 
@@ -37,6 +38,7 @@ class CircuitController:
             observations: Channels of the robot that can be read, with their units.
             commands: Channels of the robot that can be written, with their units.
             step_s: The control step of the loop.
+            backend: What runs the circuit; see `compile_circuit`.
 
         Raises:
             InputError: The robot lacks a channel, its unit is of another dimension, or the control steps
@@ -58,7 +60,8 @@ class CircuitController:
         self.observations = tuple(node.name for node in graph.inputs)
         self.commands = tuple(node.name for node in graph.outputs)
         self.trace_names = tuple(neuron.name for neuron in graph.neurons)
-        self._program = compile_circuit(graph)
+        self._program = compile_circuit(graph, backend)
+        self.backend = self._program.note or f"backend {self._program.backend}"
         self.reset(1)
 
     def reset(self, batch: int) -> None:

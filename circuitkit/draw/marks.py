@@ -92,7 +92,8 @@ def add_group(axes: Axes, group: GroupBox, shift: Point) -> None:
 def add_text(axes: Axes, at: Point, text: str, size: float, colour: str, **more: Any) -> None:  # noqa: ANN401 - whatever `Axes.text` takes
     """Some lines of text around a point, or to the right of it if asked; what stands in it is no formula."""
     vertical = "center" if "\n" in text else "center_baseline"
-    align = {"horizontalalignment": "center", "verticalalignment": vertical, "linespacing": LINE_HEIGHT}
+    align: dict[str, Any] = {"horizontalalignment": "center", "verticalalignment": vertical}
+    align["linespacing"] = LINE_HEIGHT
     axes.text(*at, text, fontsize=size, color=colour, parse_math=False, **(align | more))
 
 

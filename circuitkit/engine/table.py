@@ -5,19 +5,20 @@ In the tables every value has the unit that the circuit file declares for it; in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
+from circuitkit.circuit.neurons import shown_unit
 from circuitkit.engine.compile import compile_circuit
 from circuitkit.engine.input_table import TIME, constant_inputs, read_inputs
-from circuitkit.engine.program import Program
+from circuitkit.engine.program import Precision, Program
 from circuitkit.engine.run import run
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.state import FloatArray, Trace
 from circuitkit.errors import InputError, Problem, listing, suggest
 from circuitkit.files import OutputError, replacing
 from circuitkit.units import DIMENSIONLESS, Unit, format_quantity
@@ -25,7 +26,8 @@ from circuitkit.units import DIMENSIONLESS, Unit, format_quantity
 FORMATS = (".csv", ".nc")
 _CHUNK = 4096  # steps between two reports of progress
 
-Role = Literal["input", "neuron", "output"]
+MOST_NEURONS = 1000  # that are recorded unasked
+Role = Literal["input", "neuron", "output", "state"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +35,8 @@ class Column:
     """One column of a run.
 
     Attributes:
-        name: Name of the input, neuron or output.
-        role: Which of the three it is.
+        name: Name of the input, neuron, output or state.
+        role: Which of these it is.
         unit: Unit of the values.
         values: One a step, shape (T,), [`unit`].
     """
@@ -52,14 +54,16 @@ class RunTable:
     Attributes:
         circuit: Name of the circuit.
         step_s: Control step, [s].
-        columns: Inputs, neurons (their outputs) and outputs, in file order.
+        columns: Inputs, neurons (their outputs) and outputs, in file order, then states.
         notes: What a reader should know, such as inputs that left their range.
+        backend: Which backend ran it, and why that one.
     """
 
     circuit: str
     step_s: float
     columns: tuple[Column, ...]
     notes: tuple[str, ...]
+    backend: str = ""
 
     @property
     def steps(self) -> int:
@@ -81,6 +85,10 @@ def run_table(
     values: Mapping[str, str] | None = None,
     table: Path | None = None,
     steps: int | None = None,
+    record: Sequence[str] = (),
+    backend: str = "numpy",
+    precision: Precision = "float64",
+    seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> RunTable:
     """Run one circuit with inputs that are constant, or come from a table, or both.
@@ -90,6 +98,11 @@ def run_table(
         values: Constant inputs by name, such as `{"zmp_y": "70 mm"}`.
         table: A CSV file with a column for each of its inputs and one row a step.
         steps: Number of steps; by default as many as the table has rows.
+        record: Names of neurons, populations, outputs or states such as `q1.v`, to have only these. By
+            default all neurons and outputs, or of a circuit of more than 1000 neurons the outputs.
+        backend: As for `compile_circuit`.
+        precision: As for `compile_circuit`.
+        seed: Of the noise.
         progress: Called now and then with the number of steps done and of all steps.
 
     Returns:
@@ -97,8 +110,35 @@ def run_table(
 
     Raises:
         InputError: An unknown input, a wrong unit, a table that cannot be read; lists all problems.
+        UnknownNameError: There is nothing of a name in `record`, or no such backend.
+        DivergedError: A number that is not finite came out.
     """
-    constants = constant_inputs(graph, values or {})
+    inputs, given = _inputs(graph, values or {}, table, steps)
+    program = compile_circuit(graph, backend, precision)
+    names = tuple(dict.fromkeys(record)) or None
+    notes = [*_absent(graph, given), *_range_notes(graph, inputs[:, 0])]
+    if names is None and len(program.neuron_names) > MOST_NEURONS:
+        names = tuple(program.output_names)
+        hidden = f"the {len(program.neuron_names)} neurons are not recorded"
+        notes.append(f"{hidden}; name those that are wanted with --record")
+    columns = _run(program, graph, inputs, names, seed, progress)
+    return RunTable(
+        circuit=graph.name,
+        step_s=graph.step_s,
+        columns=(
+            *_columns("input", [(node.name, node.unit) for node in graph.inputs], inputs[:, 0]),
+            *columns,
+        ),
+        notes=tuple(notes),
+        backend=program.note or f"backend {program.backend}",
+    )
+
+
+def _inputs(
+    graph: CircuitGraph, values: Mapping[str, str], table: Path | None, steps: int | None
+) -> tuple[FloatArray, set[str]]:
+    """The inputs of every step, shape (T, 1, n_inputs), [SI], and the names of those that were given."""
+    constants = constant_inputs(graph, values)
     columns = read_inputs(graph, table) if table is not None else {}
     _refuse_doubles(constants, columns)
     count = _number_of_steps(columns, steps, table)
@@ -108,38 +148,52 @@ def run_table(
             inputs[:, 0, i] = columns[node.name][:count]
         else:
             inputs[:, 0, i] = constants.get(node.name, 0.0)
-    neurons, readout = _run(compile_circuit(graph), inputs, progress)
-    return RunTable(
-        circuit=graph.name,
-        step_s=graph.step_s,
-        columns=(
-            *_columns("input", ((node.name, node.unit) for node in graph.inputs), inputs[:, 0]),
-            *_columns("neuron", ((neuron.name, DIMENSIONLESS) for neuron in graph.neurons), neurons),
-            *_columns("output", ((node.name, node.unit) for node in graph.outputs), readout),
-        ),
-        notes=(*_absent(graph, {*constants, *columns}), *_range_notes(graph, inputs[:, 0])),
-    )
+    return inputs, {*constants, *columns}
 
 
 def _run(
-    program: Program, inputs: FloatArray, progress: Callable[[int, int], None] | None
-) -> tuple[FloatArray, FloatArray]:
-    """Neuron outputs (T, n_neurons) and circuit outputs (T, n_outputs), [SI]."""
-    neurons = np.empty((len(inputs), len(program.neuron_names)))
-    readout = np.empty((len(inputs), len(program.output_names)))
-    state = program.initial_state()
+    program: Program,
+    graph: CircuitGraph,
+    inputs: FloatArray,
+    names: Sequence[str] | None,
+    seed: int,
+    progress: Callable[[int, int], None] | None,
+) -> list[Column]:
+    """The columns of neurons, outputs and states."""
+    state = program.initial_state(seed=seed)
+    parts: list[Trace] = []
     for start in range(0, len(inputs), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        trace = run(program, inputs[part], state)
-        neurons[part], readout[part], state = trace.output[:, 0], trace.readout[:, 0], trace.state
+        parts.append(run(program, inputs[start : start + _CHUNK], state, record=names))
+        state = parts[-1].state
         if progress is not None:
             progress(min(start + _CHUNK, len(inputs)), len(inputs))
-    return neurons, readout
+    first = parts[0]
+    output, readout, states = (
+        np.concatenate([getattr(part, what)[:, 0] for part in parts])
+        for what in ("output", "readout", "states")
+    )
+    units = {node.name: node.unit for node in graph.outputs}
+    return [
+        *_columns("neuron", [(name, DIMENSIONLESS) for name in first.neuron_names], output),
+        *_columns("output", [(name, units[name]) for name in first.output_names], readout),
+        *_columns("state", [(name, _state_unit(graph, name)) for name in first.state_names], states),
+    ]
 
 
-def _columns(role: Role, names: Iterable[tuple[str, Unit]], values_si: FloatArray) -> Iterator[Column]:
-    for i, (name, unit) in enumerate(names):
-        yield Column(name, role, unit, values_si[:, i] / unit.scale)
+def _state_unit(graph: CircuitGraph, name: str) -> Unit:
+    """The unit of a state such as `q1.v` or `ring[3].v`; of a synapse's it is that of SI, without a name."""
+    owner, _, state = name.rpartition(".")
+    nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
+    for node in nodes:
+        if node.name == owner.partition("[")[0]:
+            found = next(each for each in node.model.states if each.name == state)
+            unit = node.activation_unit
+            return shown_unit(found, found.unit_rule.dimension(unit.dimension), unit)
+    return DIMENSIONLESS
+
+
+def _columns(role: Role, names: Sequence[tuple[str, Unit]], values_si: FloatArray) -> list[Column]:
+    return [Column(name, role, unit, values_si[:, i] / unit.scale) for i, (name, unit) in enumerate(names)]
 
 
 def _refuse_doubles(constants: Mapping[str, float], columns: Mapping[str, FloatArray]) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
+from circuitkit.circuit.settings import resolve_with
 from circuitkit.control import CircuitController, Controller, OpenLoop
 from circuitkit.errors import InputError, MissingDependencyError, Problem, UnknownNameError
 from circuitkit.gait import Walk, load_gait
@@ -37,6 +38,7 @@ class Plan:
         targets: What its servos are sent; shape (T, n).
         circuit: The circuit.
         yardstick: The circuit whose thresholds count if this one has none: that of the scenario.
+        backend: What runs the circuit; see `compile_circuit`.
     """
 
     scenario: Scenario
@@ -45,6 +47,7 @@ class Plan:
     targets: Any
     circuit: CircuitGraph
     yardstick: CircuitGraph | None = None
+    backend: str = "numpy"
 
     def controller(self, name: str) -> Controller:
         """A controller by its name.
@@ -87,7 +90,7 @@ class Plan:
 def _circuit_controller(plan: Plan) -> Controller:
     observations = {name: channel.unit for name, channel in robot_channels(plan.robot).items()}
     step_s = plan.walk.gait.control_step
-    return CircuitController(plan.circuit, observations, command_units(plan.robot), step_s)
+    return CircuitController(plan.circuit, observations, command_units(plan.robot), step_s, plan.backend)
 
 
 CONTROLLERS: dict[str, Callable[[Plan], Controller]] = {
@@ -107,6 +110,7 @@ class Result:
         verdict: What became of the robot.
         path: Where the recording was written; None if nowhere.
         notes: What was asked for and could not be had, such as a film where nothing can draw one.
+        backend: Which backend ran the circuit, and why that one; empty without a circuit.
     """
 
     scenario: Scenario
@@ -115,6 +119,7 @@ class Result:
     verdict: Verdict
     path: Path | None
     notes: tuple[str, ...] = ()
+    backend: str = ""
 
     def row(self) -> dict[str, Any]:
         """The result for a table or for JSON."""
@@ -135,12 +140,19 @@ class Result:
         }
 
 
-def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
+def make_plan(
+    scenario: Scenario,
+    circuit: str | Path | None = None,
+    settings: Mapping[str, str] | None = None,
+    backend: str = "numpy",
+) -> Plan:
     """Load what a scenario names and plan its walk.
 
     Args:
         scenario: The scenario.
         circuit: A circuit to use instead of the scenario's.
+        settings: Values of the circuit that take the place of its file's; see `resolve`.
+        backend: What runs the circuit; see `compile_circuit`.
 
     Raises:
         InputError: A file is wrong or missing.
@@ -152,7 +164,8 @@ def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
     with scenario.located("servo_profile"):
         robot = build_model(spec.with_servos(scenario.servo_profile))
     with scenario.located("circuit"):
-        graph = _own_circuit(scenario) if circuit is None else resolve(load_circuit(circuit))
+        spec = load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit)
+        graph = resolve_with(spec, settings or {})
         yardstick = None if circuit is None or _has_thresholds(graph, scenario) else _own_circuit(scenario)
         threshold_lines(yardstick or graph, scenario.thresholds)
     ticks = round(scenario.duration / gait.control_step)
@@ -163,7 +176,7 @@ def make_plan(scenario: Scenario, circuit: str | Path | None = None) -> Plan:
             raise InputError(Problem("", 0, 0, "duration", message))
     with scenario.located("gait"):
         walk, targets = plan_robot_walk(robot, gait, ticks)
-    return Plan(scenario, robot, walk, targets, graph, yardstick)
+    return Plan(scenario, robot, walk, targets, graph, yardstick, backend)
 
 
 def _own_circuit(scenario: Scenario) -> CircuitGraph:
@@ -184,6 +197,8 @@ def simulate(
     *,
     controller: str | None = None,
     circuit: str | Path | None = None,
+    settings: Mapping[str, str] | None = None,
+    backend: str = "numpy",
     push: str | None = None,
     seed: int | None = None,
     output: str | Path | None = None,
@@ -197,6 +212,8 @@ def simulate(
         scenario: A scenario, its path, or the name of a shipped one.
         controller: `open_loop` or `circuit`; the scenario's own by default.
         circuit: A circuit to use instead of the scenario's.
+        settings: Values of the circuit that take the place of its file's, such as `{"w": "2 deg"}`.
+        backend: What runs the circuit; see `compile_circuit`.
         push: `20N,200ms,inward` instead of the scenario's pushes; starts where the first of them does.
         seed: Of the noise and of the push's jitter; the scenario's by default.
         output: Folder for the recording and the pictures.
@@ -210,7 +227,7 @@ def simulate(
     """
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     name = controller or ("circuit" if circuit is not None else loaded.controller)
-    plan = make_plan(loaded, circuit)
+    plan = make_plan(loaded, circuit, settings, backend)
     if controller is None:
         with loaded.located("controller"):
             plan.controller(name)
@@ -225,6 +242,8 @@ def compare(
     controllers: Sequence[str],
     *,
     circuit: str | Path | None = None,
+    settings: Mapping[str, str] | None = None,
+    backend: str = "numpy",
     push: str | None = None,
     seed: int | None = None,
     output: str | Path | None = None,
@@ -237,6 +256,8 @@ def compare(
         scenario: A scenario, its path, or the name of a shipped one.
         controllers: Names, such as `open_loop` and `circuit`.
         circuit: A circuit to use instead of the scenario's.
+        settings: Values of the circuit that take the place of its file's, such as `{"w": "2 deg"}`.
+        backend: What runs the circuit; see `compile_circuit`.
         push: `20N,200ms,inward` instead of the scenario's pushes.
         seed: Of the noise and of the push's jitter.
         output: Folder; each controller gets one in it.
@@ -247,7 +268,8 @@ def compare(
         InputError: A file is wrong, or names what is not there.
         OutputError: A file cannot be written.
     """
-    plan = make_plan(scenario if isinstance(scenario, Scenario) else load_scenario(scenario), circuit)
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    plan = make_plan(loaded, circuit, settings, backend)
     for name in controllers:
         plan.controller(name)
     results = []
@@ -287,7 +309,8 @@ def _run(
         raise KeyboardInterrupt
     path = None if output is None else recording.save(Path(output))
     verdict = judge(recording, scenario.thresholds)
-    result = Result(scenario, pushes[0] if pushes else None, recording, verdict, path)
+    backend = getattr(setup.controller, "backend", "")
+    result = Result(scenario, pushes[0] if pushes else None, recording, verdict, path, backend=backend)
     if output is not None:
         from circuitkit.simulate.pictures import draw_result
 

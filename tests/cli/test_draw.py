@@ -55,3 +55,11 @@ def test_an_invalid_circuit_leaves_no_file(circuitkit):
     assert outcome.code == 1
     assert outcome.err.startswith("bad.yaml:1:")
     assert not Path("out.svg").exists()
+
+
+def test_values_of_the_circuit_can_be_set(circuitkit):
+    outcome = circuitkit("draw", "binn_lateral", "--set", "w=2deg", "-o", "out.dot")
+    assert outcome.code == 0
+    assert 'label="2 deg"' in Path("out.dot").read_text(encoding="utf-8")
+    assert circuitkit("draw", "binn_lateral", "--set", "w=2mm", "-o", "no.dot").code == 1
+    assert not Path("no.dot").exists()

@@ -45,7 +45,7 @@ def test_json_is_a_summary(circuitkit):
         "run", "binn_lateral", "--input", "zmp_y=70mm", "--steps", "4", "--json", "-o", "out.nc"
     )
     summary = json.loads(outcome.out)
-    assert list(summary) == ["circuit", "steps", "step_s", "units", "last", "recording"]
+    assert list(summary) == ["circuit", "steps", "step_s", "units", "last", "recording", "backend"]
     assert (summary["circuit"], summary["steps"], summary["step_s"]) == ("binn_lateral", 4, 0.01)
     assert summary["units"]["ankle_roll"] == "deg"
     assert summary["last"]["zmp_y"] == 70
@@ -83,3 +83,97 @@ def test_a_value_is_given_once(circuitkit):
     )
     assert outcome.code == 2
     assert "Error: Invalid value for --input: 'zmp_y' is given twice" in outcome.err
+
+
+def test_values_of_the_circuit_can_be_set(circuitkit):
+    words = (
+        "run",
+        "binn_lateral",
+        "--input",
+        "zmp_y=-200mm",
+        "--input",
+        "force_difference=0",
+        "--steps",
+        "1",
+    )
+    before, after = (
+        float(circuitkit(*words, *more).out.splitlines()[1].split(",")[-1])
+        for more in ((), ("--set", "w=3.26 deg", "--set", "ankle_roll.limits.1=3 deg"))
+    )
+    assert before > 1.6
+    assert after == 3.0  # twice as much, up to the limit
+
+
+def test_what_cannot_be_set_names_the_option(circuitkit):
+    outcome = circuitkit("run", "binn_lateral", "--steps", "1", "--set", "q1.slop=50 /m")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert outcome.err.startswith("--set: unknown name 'q1.slop'; allowed: ")
+    assert outcome.err.endswith("; did you mean 'q1.slope'?\n")
+    outcome = circuitkit("run", "binn_lateral", "--steps", "1", "--set", "w=2mm")
+    assert outcome.code == 1
+    assert outcome.err.endswith(
+        ": parameters.w.value: found 2 mm (length); allowed: angle, such as '1 deg', "
+        "since the file has 1.63 deg (with --set)\n"
+    )
+
+
+def test_only_what_was_asked_for_is_recorded(circuitkit):
+    words = ("run", "matsuoka_half_centre", "--steps", "2", "--record", "flexor.v", "--record", "joint_angle")
+    outcome = circuitkit(*words, "--input", "feedback=0")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.splitlines()[0] == "time_s,feedback,joint_angle,flexor.v"
+    outcome = circuitkit("run", "matsuoka_half_centre", "--steps", "2", "--record", "flexr")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert "unknown neuron, output or state 'flexr'" in outcome.err
+
+
+def test_noise_has_a_seed(circuitkit):
+    def outputs(seed):
+        return circuitkit("run", "noisy.yaml", "--steps", "3", "--seed", str(seed), "--backend", "numpy").out
+
+    Path("noisy.yaml").write_text(
+        "circuit: c\ncontrol_step: 10 ms\ntiming: ordered\nneurons:\n"
+        "  n: {model: identity, role: excitatory, noise: 1}\noutputs:\n  y: {unit: '1', readout: {n: 1}}\n",
+        encoding="utf-8",
+    )
+    assert outputs(1) == outputs(1)
+    assert outputs(1) != outputs(2)
+
+
+def test_a_large_circuit_records_its_outputs(circuitkit):
+    Path("large.yaml").write_text(
+        "circuit: c\ncontrol_step: 10 ms\ntiming: ordered\npopulations:\n"
+        "  cells: {size: 2000, model: identity, role: excitatory}\n"
+        "outputs:\n  y: {unit: '1', readout: {cells: 1}}\n",
+        encoding="utf-8",
+    )
+    outcome = circuitkit("run", "large.yaml", "--steps", "2", "--backend", "numpy")
+    assert outcome.out.splitlines()[0] == "time_s,y"
+    assert outcome.err == (
+        "note: the 2000 neurons are not recorded; name those that are wanted with --record\n"
+    )
+    header = (
+        circuitkit("run", "large.yaml", "--steps", "2", "--record", "cells").out.splitlines()[0].split(",")
+    )
+    assert header[1:3] == ["cells[0]", "cells[1]"]
+    assert len(header) == 2001
+
+
+def test_verbose_says_which_backend_ran_it(circuitkit):
+    words = ("run", "binn_lateral", "--input", "zmp_y=0mm", "--input", "force_difference=0", "--steps", "1")
+    assert circuitkit(*words, "--backend", "numpy", "--verbose").err == "backend numpy\n"
+    assert circuitkit(*words, "--verbose").err.startswith("backend ")
+    assert circuitkit(*words).err == ""
+
+
+def test_an_unknown_backend(circuitkit):
+    outcome = circuitkit("run", "binn_lateral", "--steps", "1", "--backend", "numba")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert outcome.err.startswith("unknown backend 'numba'; allowed: ")
+
+
+def test_single_precision(circuitkit):
+    words = ("run", "binn_lateral", "--input", "zmp_y=70mm", "--steps", "1", "--backend", "numpy", "--json")
+    one, other = (json.loads(circuitkit(*words, "--precision", p).out) for p in ("float64", "float32"))
+    assert one["last"]["q4"] != other["last"]["q4"]
+    assert abs(one["last"]["q4"] - other["last"]["q4"]) < 1e-5

@@ -38,7 +38,7 @@ def calls(monkeypatch):
     heard = []
 
     def answer(*rows):
-        results = [SimpleNamespace(row=lambda row=row: row) for row in rows]
+        results = [SimpleNamespace(row=lambda row=row: row, backend="backend numpy") for row in rows]
 
         def called(*args, **options):
             heard.append((args, options))
@@ -55,6 +55,12 @@ def test_simulate_hands_on_what_was_asked_for(circuitkit, calls):
     words = (
         "--circuit",
         "my.yaml",
+        "--set",
+        "w=2 deg",
+        "--set",
+        "q1.slope=50",
+        "--backend",
+        "compiled",
         "--push",
         "20N,200ms,inward",
         "--seed",
@@ -71,6 +77,8 @@ def test_simulate_hands_on_what_was_asked_for(circuitkit, calls):
     assert options == {
         "controller": None,
         "circuit": "my.yaml",
+        "settings": {"w": "2 deg", "q1.slope": "50"},
+        "backend": "compiled",
         "push": "20N,200ms,inward",
         "seed": 3,
         "output": Path("out"),
@@ -86,6 +94,13 @@ def test_simulate_prints_the_verdict(circuitkit):
     assert "nao_push" in out
     row = out.splitlines()[-2].split()
     assert " ".join(row) == "circuit 3 20 N, 200 ms, inward stood 12.3 mm 0.84 s"
+
+
+@pytest.mark.parametrize("words", [("simulate", "nao_push"), ("compare", "nao_push", "--controllers", "a,b")])
+@pytest.mark.usefixtures("calls")
+def test_verbose_says_what_ran_the_circuit(circuitkit, words):
+    assert circuitkit(*words, "--verbose").err == "backend numpy\n"
+    assert circuitkit(*words).err == ""
 
 
 def test_compare_prints_one_line_a_controller(circuitkit, calls):
@@ -121,7 +136,7 @@ def test_compare_wants_names(circuitkit):
 
 def test_an_interrupted_run_is_reported_and_ends_the_command_so(circuitkit, monkeypatch):
     row = {**ROW, "interrupted": True}
-    monkeypatch.setattr(room, "simulate", lambda *_, **__: SimpleNamespace(row=lambda: row))
+    monkeypatch.setattr(room, "simulate", lambda *_, **__: SimpleNamespace(row=lambda: row, backend=""))
     outcome = circuitkit("simulate", "nao_push", "-o", "out")
     assert (outcome.code, outcome.err) == (130, "wrote out\ninterrupted\n")
     assert "stood until interrupted" in outcome.out
