@@ -19,6 +19,15 @@
 #define CK_HAS_FMA 0
 #endif
 
+#ifndef __has_builtin
+#define __has_builtin(name) 0
+#endif
+#if !defined(__clang__) && __has_builtin(__builtin_ia32_vfmaddpd512_mask) && __has_builtin(__builtin_ia32_vfmaddpd256)
+#define CK_GCC_VECTORS 1
+#else
+#define CK_GCC_VECTORS 0
+#endif
+
 /* Polynomials: (exp(r) - 1 - r) / r^2 on |r| <= ln(2) / 2, interpolated at Chebyshev nodes, which leaves a relative
    error of exp of 1.6e-17 in double and 1.0e-8 in single precision. ln(2) is split into a part with zeros at its end,
    whose product with an exponent is exact, and the rest. Adding 1.5 * 2^52 rounds to a whole number, which then stands
@@ -28,6 +37,7 @@ typedef float real;
 typedef int32_t whole;
 #define CK_LIBM(name) CK_JOIN(name, f)
 #define CK_FMA_BUILTIN __builtin_fmaf
+#define CK_VECTOR_FMA __builtin_ia32_vfmaddps
 #define CK_SQRT_BUILTIN __builtin_sqrtf
 #define CK_FLOOR_BUILTIN __builtin_floorf
 #define CK_SIZE 4
@@ -43,6 +53,7 @@ typedef double real;
 typedef int64_t whole;
 #define CK_LIBM(name) name
 #define CK_FMA_BUILTIN __builtin_fma
+#define CK_VECTOR_FMA __builtin_ia32_vfmaddpd
 #define CK_SQRT_BUILTIN __builtin_sqrt
 #define CK_FLOOR_BUILTIN __builtin_floor
 #define CK_SIZE 8

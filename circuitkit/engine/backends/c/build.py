@@ -34,6 +34,7 @@ _FLAGS = (
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-trapping-math",
+    "-fno-tree-slp-vectorize",  # it packs stores that are soon loaded one by one
 )
 _NATIVE = "-march=native"
 _MAX_KEPT = 1000

@@ -10,6 +10,16 @@
 #define CK_ASSEMBLY "pd"
 #endif
 #endif
+/* The loop below is found to be one instruction as well, but finding it takes long. */
+#if N > 1 && __has_builtin(__builtin_elementwise_fma)
+#define CK_FMA(a, b, c) __builtin_elementwise_fma(a, b, c)
+#elif N > 1 && CK_HAS_FMA && CK_GCC_VECTORS && N * CK_SIZE == 64 && defined(__AVX512F__)
+#define CK_FMA(a, b, c) CK_JOIN(CK_VECTOR_FMA, 512_mask)(a, b, c, -1, 4)
+#elif N > 1 && CK_HAS_FMA && CK_GCC_VECTORS && N * CK_SIZE == 32
+#define CK_FMA(a, b, c) CK_JOIN(CK_VECTOR_FMA, 256)(a, b, c)
+#elif N > 1 && CK_HAS_FMA && CK_GCC_VECTORS && N * CK_SIZE == 16
+#define CK_FMA(a, b, c) CK_VECTOR_FMA(a, b, c)
+#endif
 #define LANES for (int lane = 0; lane < N; lane++)
 
 #if N == 1
@@ -81,26 +91,26 @@ CK_INLINE CK(v) CK(pick)(const real *from, const int32_t *places)
 
 CK_INLINE CK(v) CK(fma)(CK(v) a, CK(v) b, CK(v) c)
 {
-#if CK_HAS_FMA
+#if !CK_HAS_FMA
+    return a * b + c;
+#elif defined(CK_FMA)
+    return CK_FMA(a, b, c);
+#else
     CK(v) y;
     LANES AT(y) = CK_FMA_BUILTIN(AT(a), AT(b), AT(c));
     return y;
-#else
-    return a * b + c;
 #endif
 }
 
-/* Which of two by a mask of ones or zeros. */
+/* Which of two, by a comparison: of vectors it gives ones or zeros in all bits. */
 CK_INLINE CK(v) CK(chosen)(CK(w) mask, CK(v) then, CK(v) otherwise)
 {
-    return CK(number)((CK(bits)(then) & mask) | (CK(bits)(otherwise) & ~mask));
-}
-
 #if N == 1
-#define MASK(comparison) (-(whole)(comparison))
+    return mask ? then : otherwise;
 #else
-#define MASK(comparison) (comparison)
+    return CK(number)((CK(bits)(then) & mask) | (CK(bits)(otherwise) & ~mask));
 #endif
+}
 
 /* a < b ? a : b, and a > b ? a : b; so the second operand where one is not a number. */
 CK_INLINE CK(v) CK(lower)(CK(v) a, CK(v) b)
@@ -110,7 +120,7 @@ CK_INLINE CK(v) CK(lower)(CK(v) a, CK(v) b)
     __asm__("vmin" CK_ASSEMBLY " %2, %1, %0" : "=v"(y) : "v"(a), "v"(b));
     return y;
 #else
-    return CK(chosen)(MASK(a < b), a, b);
+    return CK(chosen)(a < b, a, b);
 #endif
 }
 
@@ -121,14 +131,14 @@ CK_INLINE CK(v) CK(higher)(CK(v) a, CK(v) b)
     __asm__("vmax" CK_ASSEMBLY " %2, %1, %0" : "=v"(y) : "v"(a), "v"(b));
     return y;
 #else
-    return CK(chosen)(MASK(a > b), a, b);
+    return CK(chosen)(a > b, a, b);
 #endif
 }
 
 #define COMPARISON(name, sign) \
     CK_INLINE CK(v) CK(name)(CK(v) a, CK(v) b) \
     { \
-        return CK(chosen)(MASK(a sign b), CK(all)(1), CK(all)(0)); \
+        return CK(chosen)(a sign b, CK(all)(1), CK(all)(0)); \
     }
 COMPARISON(less, <)
 COMPARISON(less_equal, <=)
@@ -138,13 +148,13 @@ COMPARISON(greater_equal, >=)
 
 CK_INLINE CK(v) CK(where)(CK(v) condition, CK(v) then, CK(v) otherwise)
 {
-    return CK(chosen)(MASK(condition == CK(all)(0)), otherwise, then);
+    return CK(chosen)(condition == CK(all)(0), otherwise, then);
 }
 
 /* `x` where it is not a number, else `y`. */
 CK_INLINE CK(v) CK(unless_nan)(CK(v) x, CK(v) y)
 {
-    return CK(chosen)(MASK(x == x), y, x);
+    return CK(chosen)(x == x, y, x);
 }
 
 CK_INLINE CK(v) CK(min)(CK(v) a, CK(v) b)
@@ -337,6 +347,6 @@ CK_INLINE CK(v) CK(tanh)(CK(v) x)
 
 #undef LANES
 #undef AT
-#undef MASK
 #undef CK_ASSEMBLY
+#undef CK_FMA
 #undef CK

@@ -15,34 +15,62 @@ static int is_finite(const ck_context *c, real *table, int64_t members)
     return 1;
 }
 
-CK_INLINE void read_inputs(real *table, int64_t stride, const double *from, int64_t members)
+CK_INLINE void record(const ck_context *c, const real *table, const ck_job *job, double *to, int64_t members)
 {
     for (int64_t lane = 0; lane < members; lane++)
-        for (int64_t i = 0; i < N_INPUTS; i++) table[(1 + i) * stride + lane] = (real)from[lane * N_INPUTS + i];
+        for (int64_t i = 0; i < job->n_rows; i++) *to++ = table[job->rows[i] * c->stride + lane];
 }
 
-CK_INLINE void record(const real *table, int64_t stride, const ck_job *job, int64_t first_member, int64_t members)
+#if CK_WIDTH == 1
+
+/* Rows stand in variables, not in memory, while a run lasts. */
+int64_t ck_work(ck_context *c, const ck_job *job, int64_t worker, int64_t workers)
 {
-    double *to = job->record + first_member * job->n_rows;
-    for (int64_t lane = 0; lane < members; lane++)
-        for (int64_t i = 0; i < job->n_rows; i++) *to++ = table[job->rows[i] * stride + lane];
+    real *table = c->table, rows[N_ROWS], given[N_INPUTS + 1];
+    int64_t places[N_MEMORIES + 1];
+    const int is_usual = job->n_rows == N_USUAL && !memcmp(job->rows, usual_rows, N_USUAL * sizeof *usual_rows);
+    double *to = job->record;
+    (void)worker, (void)workers;
+    begin_memories(places, c->done);
+    copy_rows(rows, table);
+    for (int64_t t = 0; t < job->steps; t++) {
+        for (int64_t i = 0; i < N_INPUTS; i++) given[i] = job->inputs ? job->inputs[t * N_INPUTS + i] : table[1 + i];
+        const int is_good = step(c, rows, 1, given, 1, 0, places, c->time + c->done + t);
+        if (is_usual) record_usual(to + t * N_USUAL, rows);
+        if (is_good && (is_usual || !job->n_rows) && t + 1 < job->steps) continue;
+        copy_rows(table, rows);
+        for (int64_t i = 0; i < N_INPUTS; i++) table[1 + i] = given[i];
+        if (!is_usual) record(c, table, job, to + t * job->n_rows, 1);
+        if (!is_good && !is_finite(c, table, 1)) return t;
+    }
+    return job->steps;
+}
+
+#else
+
+CK_INLINE void read_inputs(real *given, const double *from, int64_t members)
+{
+    for (int64_t lane = 0; lane < CK_WIDTH; lane++)
+        for (int64_t i = 0; i < N_INPUTS; i++)
+            given[i * CK_WIDTH + lane] = (real)from[(lane < members ? lane : members - 1) * N_INPUTS + i];
 }
 
 /* All steps of the members from `at`. */
-CK_INLINE int64_t run_members(const ck_context *c, const ck_job *job, int64_t at)
+static int64_t run_members(const ck_context *c, const ck_job *job, int64_t at)
 {
-    real *table = (real *)c->table + at;
-    int64_t stride = CK_WIDTH == 1 ? 1 : c->stride, batch = CK_WIDTH == 1 ? 1 : c->batch;
-    int64_t members = batch - at < CK_WIDTH ? batch - at : CK_WIDTH;
+    real *table = (real *)c->table + at, given[(N_INPUTS + 1) * CK_WIDTH] __attribute__((aligned(64)));
+    const int64_t stride = c->stride, members = c->batch - at < CK_WIDTH ? c->batch - at : CK_WIDTH;
     int64_t places[N_MEMORIES + 1];
     begin_memories(places, c->done);
     for (int64_t t = 0; t < job->steps; t++) {
-        if (job->inputs) read_inputs(table, stride, job->inputs + (t * batch + at) * N_INPUTS, members);
-        if (!step(c, table, stride, at, places, c->time + c->done + t) && !is_finite(c, table, members)) {
-            record(table, stride, job, t * batch + at, members);
-            return t;
+        if (job->inputs) {
+            read_inputs(given, job->inputs + (t * c->batch + at) * N_INPUTS, members);
+            for (int64_t i = 0; i < N_INPUTS; i++)
+                memcpy(table + (1 + i) * stride, given + i * CK_WIDTH, sizeof(real) * CK_WIDTH);
         }
-        record(table, stride, job, t * batch + at, members);
+        const int is_good = step(c, table, stride, table + stride, stride, at, places, c->time + c->done + t);
+        record(c, table, job, job->record + (t * c->batch + at) * job->n_rows, members);
+        if (!is_good && !is_finite(c, table, members)) return t;
     }
     return job->steps;
 }
@@ -50,10 +78,11 @@ CK_INLINE int64_t run_members(const ck_context *c, const ck_job *job, int64_t at
 int64_t ck_work(ck_context *c, const ck_job *job, int64_t worker, int64_t workers)
 {
     int64_t groups = (c->batch + CK_WIDTH - 1) / CK_WIDTH, first_bad = job->steps;
-    if (CK_WIDTH == 1) return run_members(c, job, 0);
     for (int64_t group = groups * worker / workers; group < groups * (worker + 1) / workers; group++) {
         int64_t bad = run_members(c, job, group * CK_WIDTH);
         if (bad < first_bad) first_bad = bad;
     }
     return first_bad;
 }
+
+#endif

@@ -74,9 +74,15 @@ class _Printer:
             f"#define N_MEMORIES {len(self.program.memories)}",
             f"static const int32_t kept_rows[] = {{{', '.join(map(str, [*kept, 0]))}}};",
             *print_memories(self.program),
+            *self._copies(kept),
         ]
         self._step(kept)
         return "\n".join([*head, *(self._expanded(line) for line in self.lines)])
+
+    def _copies(self, kept: Sequence[int]) -> Iterable[str]:
+        """Further functions that the surroundings need."""
+        del kept
+        return ()
 
     def _expanded(self, line: str) -> str:
         if "@" not in line:
@@ -87,20 +93,19 @@ class _Printer:
         program = self.program
         read, changed = first_read(program.operations), written(program.operations)
         self.lines += [
-            "CK_INLINE int step(const ck_context *c, real *restrict table,",
-            "    const int64_t stride, const int64_t at, int64_t *restrict places, const int64_t time)",
+            "CK_INLINE int step(const ck_context *c, real *restrict table, const int64_t stride,",
+            "    const real *restrict given, const int64_t given_stride, const int64_t at,",
+            "    int64_t *restrict places, const int64_t time)",
             "{",
             "const real *restrict shared = c->shared;",
             "const real *restrict own = (const real *)c->own + at;",
             "const uint64_t *seeds = c->seeds + at;",
-            "(void)shared, (void)own, (void)seeds, (void)places, (void)time, (void)stride;",
+            "(void)shared, (void)own, (void)seeds, (void)places, (void)time, (void)stride, (void)given;",
         ]
         for memory in program.memories:
             self.lines.append(f"real *const ring{memory.memory} = (real *)c->rings[{memory.memory}] + at;")
         for row in sorted(read | changed | set(kept)):
-            is_needed = row in read or row not in changed
-            loaded = f" = load_{self.width}({self._place('table', row)})" if is_needed else ""
-            self.lines.append(f"v_{self.width} {self._row(row)}{loaded};")
+            self.lines.append(f"v_{self.width} {self._row(row)}{self._first(row, read, changed)};")
         self._do(program.before, "time")
         if program.substep:
             self.lines.append(f"for (int64_t sub = 0; sub < {program.substeps}; sub++) {{")
@@ -111,6 +116,14 @@ class _Printer:
         self._do(program.after, "time")
         self._end(kept, changed)
         self.lines.append("}")
+
+    def _first(self, row: int, read: set[int], changed: set[int]) -> str:
+        """Initialisation of a row's variable."""
+        if 1 <= row <= len(self.program.input_names):
+            return f" = load_{self.width}(given + {row - 1} * given_stride{self.offset})"
+        if row in read or row not in changed:
+            return f" = load_{self.width}({self._place('table', row)})"
+        return ""
 
     def _do(self, operations: Iterable[Operation], time: str) -> None:
         self._time = time
@@ -239,14 +252,24 @@ class _Alone(_Printer):
 
     def __init__(self, program: Program, constants: Constants) -> None:
         super().__init__(program, constants)
-        self._vectors: dict[
-            int, tuple[str, int, int]
-        ] = {}  # by row: the vector it stands in, its width, the lane
         self._n_vectors = 0
 
-    def _assign(self, row: int, value: str) -> None:
-        self._vectors.pop(row, None)
-        super()._assign(row, value)
+    def _copies(self, kept: Sequence[int]) -> Iterable[str]:
+        """Copies between the table and variables in which a run keeps its rows, row by row."""
+        program = self.program
+        lasting = [row for row in kept if row > len(program.input_names)]
+        usual = [
+            *program.activation_rows.tolist(),
+            *program.output_rows.tolist(),
+            *range(*program.readout_rows),
+        ]
+        yield f"#define N_ROWS {max(kept, default=0) + 1}"
+        yield f"#define N_USUAL {len(usual)}"
+        yield f"static const int32_t usual_rows[] = {{{', '.join(map(str, [*usual, 0]))}}};"
+        yield "CK_INLINE void copy_rows(real *restrict to, const real *restrict from)"
+        yield f"{{ {' '.join(f'to[{row}] = from[{row}];' for row in lasting)} }}"
+        yield "CK_INLINE void record_usual(double *restrict to, const real *restrict from)"
+        yield f"{{ {' '.join(f'to[{i}] = from[{row}];' for i, row in enumerate(usual))} }}"
 
     def _map(self, operation: Map) -> None:
         first = 0
@@ -274,8 +297,6 @@ class _Alone(_Printer):
         for vector, (start, _) in zip(vectors, operation.results, strict=True):
             for lane, i in enumerate(part):
                 self._assign(start + i, vector if width == 1 else f"{vector}[{lane}]")
-                if not self.is_loop:
-                    self._vectors[start + i] = vector, width, lane
 
     def _packed(self, rows: Sequence[int], width: int) -> str:
         if width == 1:
@@ -288,21 +309,16 @@ class _Alone(_Printer):
         return f"load_{width}(shared + {place + first})" if values.ndim else f"all_{width}(shared[{place}])"
 
     def _end(self, kept: Sequence[int], changed: set[int]) -> None:
-        """Stores, together what stands in a vector in its order."""
-        added: dict[int, list[str]] = {}
-        rest = list(kept)
-        while rest:
-            vector, width, _ = self._vectors.get(rest[0], ("", 1, 0))
-            whole = [(vector, width, lane) for lane in range(width)]
-            if width == 1 or [self._vectors.get(rest[0] + lane) for lane in range(width)] != whole:
-                width = 1
-            value = self._row(rest[0]) if width == 1 else vector
-            added.setdefault(width, []).append(value)
-            if rest[0] in changed:
-                self.lines.append(f"store_{width}({self._place('table', rest[0])}, {value});")
-            del rest[:width]
-        totals = [f"total_{width}({' + '.join(values)})" for width, values in added.items()]
-        self.lines.append(f"return ck_is_finite({' + '.join(totals) or '0'});")
+        self.lines += [f"table[{row}] = {self._row(row)};" for row in kept if row in changed]
+        self.lines.append(f"return ck_is_finite({_added([self._row(row) for row in kept])});")
+
+
+def _added(terms: Sequence[str]) -> str:
+    """A sum in pairs of pairs, whose terms need not wait for each other."""
+    if len(terms) <= 1:
+        return terms[0] if terms else "0"
+    half = len(terms) // 2
+    return f"({_added(terms[:half])} + {_added(terms[half:])})"
 
 
 def _width(count: int) -> int:
