@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from circuitkit.circuit.exact import exact
 from circuitkit.units import DIMENSIONLESS, Unit
 
 # Whatever a caller computes with: floats, arrays or symbols. Only the arithmetic operators are asked of it.
@@ -106,7 +107,7 @@ _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "**": _POWER}
 
 @dataclass(frozen=True)
 class Expression(ABC):
-    """A node of an expression; `str()` gives text that parses to an equal node.
+    """A node of an expression; `str()` gives text that parses to an equal node, with units if it has any.
 
     Attributes:
         offset: Where its text begins in the text it was read from, from 0.
@@ -163,6 +164,8 @@ class Number(Expression):
         return _ATOM if math.copysign(1.0, self.value) > 0 else _SIGN
 
     def __str__(self) -> str:
+        if self.unit != DIMENSIONLESS:
+            return str(exact(self.value, self.unit))
         return repr(self.value).removesuffix(".0")
 
 

@@ -40,7 +40,7 @@ _ALLOWED = "allowed: numbers, names, + - * / ^ < <= > >= and functions"
 
 
 _NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?")
-_UNIT = re.compile(r"\s*(?P<over>/\s*)?(?P<symbol>[A-Za-z]+)(?:\s*\^\s*-?\d)?(?![\w(.])")
+_UNIT = re.compile(r"\s*(?P<over>/\s*)?(?P<symbol>[A-Za-z]+|%)(?:\s*\^\s*-?\d)?(?![\w(.])")
 _FURTHER_UNIT = re.compile(r"\s*[*/]\s*(?P<symbol>[A-Za-z]+)(?:\s*\^\s*-?\d)?(?![\w(.])")
 _FIRST_STAND_IN = 0x4E00  # names from one letter that nobody writes, for quantities
 

@@ -222,6 +222,7 @@ def test_any_text_is_an_expression_or_refused(text):
         ("3 m/s^2 * 2 s", 6.0),
         ("4 kg*m^2 / v", 4.0),
         ("2 V / v", 2.0),
+        ("5 % * v", 0.05),
         ("1 / g", 0.5),  # a name goes before a unit
         ("3 * g", 6.0),
         ("1e-3 kHz + 1.5e3 ms / 1 s", 2.5),
@@ -229,7 +230,14 @@ def test_any_text_is_an_expression_or_refused(text):
 )
 def test_numbers_may_have_units(text, expected):
     values = {"v": 1.0, "g": 2.0}
-    assert parse_expression(text, values, units=True).evaluate(values) == pytest.approx(expected, rel=1e-15)
+    tree = parse_expression(text, values, units=True)
+    assert tree.evaluate(values) == pytest.approx(expected, rel=1e-15)
+    assert parse_expression(str(tree), values, units=True) == tree
+
+
+@pytest.mark.parametrize("text", ["v + 40 mV", "5 % * v", "v / 0.03 /ms", "-3 m/s^2 ** v", "2 * 79.9 mm"])
+def test_quantities_are_printed_as_they_were_written(text):
+    assert str(parse_expression(text, ("v",), units=True)) == text
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,14 @@ from circuitkit.circuit.models import (
     NeuronModel,
     SynapseModel,
     neuron_model,
+    read_neuron_model,
+    read_synapse_model,
     synapse_model,
 )
 from circuitkit.circuit.models.model import ACTIVATION
+from circuitkit.circuit.models.writing import model_data
 from circuitkit.errors import UnknownNameError
+from circuitkit.source import Document
 
 numbers = st.floats(-10, 10)
 MEMORYLESS = [name for name in NEURON_MODEL_NAMES if not neuron_model(name).states]
@@ -129,6 +133,12 @@ def test_model_files_are_complete(model):
     for parameter in model.parameters:
         # A default in an activation's unit would mean something else in every unit, unless it is zero.
         assert parameter.default in (None, 0) or parameter.unit_rule.text not in ("activation", "weight")
+
+
+@pytest.mark.parametrize("model", EVERY_MODEL, ids=lambda model: model.name)
+def test_models_written_out_read_the_same(model):
+    read = read_neuron_model if isinstance(model, NeuronModel) else read_synapse_model
+    assert read(Document("", {model.name: model_data(model)}, {}), (model.name,)) == model
 
 
 def test_every_kind_of_model_is_shipped():

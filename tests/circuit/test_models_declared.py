@@ -6,8 +6,9 @@ import pytest
 
 from circuitkit.circuit.models import read_neuron_model, read_synapse_model, synapse_model
 from circuitkit.circuit.models.model import UnitRule
+from circuitkit.circuit.models.writing import model_data
 from circuitkit.errors import InputError
-from circuitkit.source import parse_yaml
+from circuitkit.source import Document, parse_yaml
 from circuitkit.units import Dimension, parse_unit
 
 NEURON = """\
@@ -221,10 +222,11 @@ def test_equations_may_have_quantities():
     assert model.states[0].initial.evaluate({}) == -0.065
     assert model.derivatives["v"].evaluate({"v": -0.04, "A": 2.5e-9}) == 0
     assert model.output.evaluate({"v": -0.05}) == 0.5
+    assert read_neuron_model(Document("", {"m": model_data(model)}, {}), ("m",)) == model
     with pytest.raises(InputError) as caught:
         read_neuron_model(parse_yaml(text.replace("50 mV", "50 ms"), "f.yaml"), ("m",))
     assert str(caught.value) == (
-        "f.yaml:5:20: m.output: found 'v + 0.05', which joins V and s; allowed: the same on all sides"
+        "f.yaml:5:20: m.output: found 'v + 50 ms', which joins V and s; allowed: the same on all sides"
     )
 
 
