@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from circuitkit.circuit import CircuitGraph
 from circuitkit.draw.layers import Layers, make_layers
+from circuitkit.draw.network import make_network
 from circuitkit.draw.style import GREY, INK, KIND_COLOUR, PALE, PAPER, ROLE_FILL, number
 from circuitkit.simulate.story import MM, Story, support_edges_m
 from circuitkit.units import Unit
@@ -111,11 +112,12 @@ class _Network:
 
     def __init__(self, graph: CircuitGraph, area: tuple[float, float, float, float]) -> None:
         self.graph = graph
-        self._layers = make_layers(graph)
+        self._layers = make_layers(make_network(graph))
         self._at = _places(self._layers, area)
         self._unit: dict[str, Unit] = {node.name: node.unit for node in graph.inputs}
         self._unit |= {node.name: node.unit for node in graph.outputs}
         self._role = {neuron.name: neuron.role for neuron in graph.neurons}
+        self._role |= {population.name: population.role for population in graph.populations}
         self._inputs = {node.name for node in graph.inputs}
 
     def light(self, pen: ImageDraw.ImageDraw, activity: Mapping[str, float]) -> None:

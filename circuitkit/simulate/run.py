@@ -164,8 +164,8 @@ def make_plan(
     with scenario.located("servo_profile"):
         robot = build_model(spec.with_servos(scenario.servo_profile))
     with scenario.located("circuit"):
-        spec = load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit)
-        graph = resolve_with(spec, settings or {})
+        file = load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit)
+        graph = resolve_with(file, settings or {})
         yardstick = None if circuit is None or _has_thresholds(graph, scenario) else _own_circuit(scenario)
         threshold_lines(yardstick or graph, scenario.thresholds)
     ticks = round(scenario.duration / gait.control_step)
