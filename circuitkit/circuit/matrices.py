@@ -11,6 +11,7 @@ import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -53,7 +54,7 @@ def read_matrix(path: Path, n_target: int, n_source: int) -> Matrix:
         raise MatrixFileError(message)
     try:
         return readers[path.suffix](path, n_target, n_source)
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         message = (
             f"cannot read '{path}': {str(error).splitlines()[0] if str(error) else type(error).__name__}"
         )
@@ -157,26 +158,35 @@ def _checked(
     indptr: npt.NDArray[np.int64], sources: npt.NDArray[np.int32], weights: Weights, n_source: int
 ) -> Matrix:
     """The matrix, if every pair is there once and every weight is finite; puts rows in order if need be."""
-    if weights is not None and len(wrong := np.flatnonzero(~np.isfinite(weights))):
-        row, column = _pair(indptr, sources, wrong[0])
-        message = f"found {weights[wrong[0]]:g} in row {row}, column {column}; allowed: finite numbers"
-        raise MatrixFileError(message)
+    if weights is not None and not np.isfinite(weights.sum()):
+        wrong = np.flatnonzero(~np.isfinite(weights))
+        if len(wrong):
+            row, column = _pair(indptr, sources, wrong[0])
+            message = f"found {weights[wrong[0]]:g} in row {row}, column {column}; allowed: finite numbers"
+            raise MatrixFileError(message)
     if len(sources) and (sources.min() < 0 or sources.max() >= n_source):
         message = f"found the column {sources.max()}; allowed: 0 to {n_source - 1}"
         raise MatrixFileError(message)
-    steps = np.diff(sources) <= 0
-    steps[indptr[1:-1][(indptr[1:-1] > 0) & (indptr[1:-1] < len(sources))] - 1] = False
-    if steps.any():
+    if indptr[0] != 0 or indptr[-1] != len(sources) or (np.diff(indptr) < 0).any():
+        message = "found rows that do not follow each other; allowed: a sparse matrix as scipy saves it"
+        raise MatrixFileError(message)
+    if _not_ascending(indptr, sources).any():
         order = np.lexsort((sources, np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))))
-        again = sources[order]
-        twice = np.diff(again) == 0
-        twice[indptr[1:-1][(indptr[1:-1] > 0) & (indptr[1:-1] < len(sources))] - 1] = False
-        if twice.any():
-            row, column = _pair(indptr, again, np.flatnonzero(twice)[0])
+        sources, weights = sources[order], None if weights is None else weights[order]
+        twice = np.flatnonzero(_not_ascending(indptr, sources))
+        if len(twice):
+            row, column = _pair(indptr, sources, twice[0])
             message = f"found the synapse from {column} to {row} twice; allowed: each one once"
             raise MatrixFileError(message)
-        sources, weights = again, None if weights is None else weights[order]
     return (indptr, sources), weights
+
+
+def _not_ascending(indptr: npt.NDArray[np.int64], sources: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+    """Where a source is not below the next one of the same target, shape (n_synapses - 1,)."""
+    wrong = sources[1:] <= sources[:-1]
+    starts = indptr[1:-1]
+    wrong[starts[(starts > 0) & (starts < len(sources))] - 1] = False
+    return wrong
 
 
 def _pair(

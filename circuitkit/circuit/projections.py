@@ -37,6 +37,7 @@ from circuitkit.circuit.synapses import (
     weight_fits,
 )
 from circuitkit.circuit.values import names_in
+from circuitkit.errors import suggest
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, format_quantity
 
@@ -55,6 +56,7 @@ def projections(
 ) -> Iterator[Projection]:
     """The projections that a scope declares, as far as they are sound."""
     numbers: dict[str, int] = {}
+    first: dict[tuple[object, ...], Item[ProjectionSpec]] = {}
     for item in scope.projections():
         pair = f"{item.spec.source}->{item.spec.to}"
         numbers[pair] = numbers.get(pair, 0) + 1
@@ -64,9 +66,31 @@ def projections(
         gate = gate_name(scope, item, model, nodes) if model else ""
         if model is None or source is None or target is None:
             continue
+        if not _is_first(scope, item, source[0], target, first):
+            continue
         stream = f"{scope.prefix}{pair}#{numbers[pair]}"
         making = _Making(scope, item, model, source[0], target, budget, stream)
         yield from making.projections(source[1], gate, header)
+
+
+def _is_first(
+    scope: Scope,
+    item: Item[ProjectionSpec],
+    source: End,
+    target: End,
+    first: dict[tuple[object, ...], Item[ProjectionSpec]],
+) -> bool:
+    """Whether an entry says something new; complains about one that connects the same in the same way."""
+    spec = item.spec
+    rule = spec.connect if isinstance(spec.connect, str) else spec.connect.model_dump_json()
+    key = (source.name, target.name, rule, spec.model, spec.gate, spec.delay)
+    if key in first:
+        where = first[key].seen_from(item.part)
+        message = f"duplicate projection {spec.source} -> {spec.to}, first {where}; allowed: each one once"
+        scope.errors.append(item.problem(("to",), message))
+        return False
+    first[key] = item
+    return True
 
 
 def _target(scope: Scope, item: Item[ProjectionSpec], nodes: Nodes) -> End | None:
@@ -115,10 +139,9 @@ class _Making:
                 item.problem(("connect",), "found no synapse; the projection has no effect")
             )
         weight = self._weight(connections, entries)
+        written = written_parameters(scope, item, model, self._reader(connections))
         if weight is None or not weight_fits(scope, item, model, weight, self.source, self.target):
             return
-        read = self._reader(connections)
-        written = written_parameters(scope, item, model, read)
         check_parameters(scope, item, model, written, weight.unit, self.source, self.target)
         kind: SynapseKind = item.spec.kind or self.source.role or "sensorial"
         self._check_sign(weight, kind)
@@ -224,7 +247,9 @@ class _Making:
         try:
             return read_matrix(path, self.target.size, self.source.size)
         except MatrixFileError as error:
-            self._complain(("matrix",), str(error))
+            beside = (other.name for other in path.parent.glob(f"*{path.suffix}") if path.suffix)
+            hint = "" if path.is_file() else suggest(path.name, sorted(beside))
+            self.scope.errors.append(self.item.problem(("connect", "matrix"), str(error), hint))
         return None
 
     def _sources(self, connect: ConnectSpec) -> tuple[Connections, None] | None:
@@ -265,7 +290,10 @@ class _Making:
                 return None
             return Measure(entries, DIMENSIONLESS)
         weight = self._reader(connections, per_target=False)(("weight",), written)
-        return weight if weight is None or entries is None else weight * entries
+        if weight is None or entries is None:
+            return weight
+        entries *= weight.value  # in place, for there may be many
+        return Measure(entries, weight.unit)
 
     def _reader(self, connections: Connections, *, per_target: bool | None = None) -> Reader:
         """Reads values for every synapse, or for every target where the model has them so."""

@@ -33,6 +33,8 @@ RESERVED_NAME = "time_s"
 # Far beyond any use, and far from Python's limit of recursion.
 _LONGEST_CHAIN = 50
 _MEMBER = re.compile(r"(?P<population>.*)\[(?P<member>\d+)\]")
+# What expressions for members of populations and for synapses of projections call numbers.
+_INDICES = frozenset({"i", "j", "n", "n_source", "n_target"})
 NODE_SECTIONS = {"input": "inputs", "neuron": "neurons", "population": "populations", "output": "outputs"}
 
 
@@ -101,6 +103,7 @@ class Scope:
             item = Item(instance.spec.name, instance.spec, instance.part, ("include", instance.number))
             self._claim_instance(item)
             self.instances.setdefault(item.name, Scope(instance.module, findings, self, item))
+        self._refuse_inner_names()
         self.published: dict[str, Located] = {}
         self._publish()
 
@@ -152,6 +155,19 @@ class Scope:
                 self.warnings.append(
                     parameter.problem((), f"{message} (1 {name}); give it another name", at_key=True)
                 )
+            if name in _INDICES and self.populations:
+                message = f"the index {name} hides it in expressions of populations and projections"
+                self.warnings.append(parameter.problem((), f"{message}; give it another name", at_key=True))
+
+    def _refuse_inner_names(self) -> None:
+        """Names with dots are for files without instances; with them, they belong to what is inside."""
+        for name, (kind, item) in self.nodes.items():
+            first, dot, _ = name.partition(".")
+            if dot and (first in self.instances or first in self.lost_instances):
+                message = (
+                    f"the name '{name}' belongs to the instance '{first}'; allowed: {_a(kind)} without a dot"
+                )
+                self.errors.append(item.problem((), message, at_key=True))
 
     def _claim_instance(self, item: Item[InstanceSpec]) -> None:
         taken = self.nodes.get(item.name) or (
@@ -251,7 +267,15 @@ class Scope:
             found = f"found '{name}', which is a parameter"
         elif name in self.instances:
             found = f"found '{name}', which is an instance"
-        return f"{found}; allowed: {allowed}: {listing(names)}", suggest(name, names)
+        return f"{found}; allowed: {allowed}: {listing(names)}", self._suggestion(name, names)
+
+    def _suggestion(self, name: str, names: Sequence[str]) -> str:
+        """What was probably meant; of a member of a population, too."""
+        whole, bracket, member = name.partition("[")
+        if not bracket:
+            return suggest(name, names)
+        members = [f"{population}[{member}" for population in self.names("population")]
+        return suggest(f"{whole}[{member}", members)
 
     def address(self, item: Item[SpecT], inner: Place) -> str:
         """How a value is called from outside, such as `lateral.q1.slope`."""

@@ -179,7 +179,9 @@ def _found_and_allowed(group: list[Any]) -> tuple[str, str]:
     found = group[0]["input"]
     hint = ""
     if isinstance(found, str):
-        hint = suggest(found, [word for detail in group for word in _literals(detail)])
+        words = [word for detail in group for word in _literals(detail)]
+        words += ["true", "false"] if any(detail["type"].startswith("bool") for detail in group) else []
+        hint = suggest(found, words)
     return f"found {describe(found)}; allowed: {' or '.join(allowed)}", hint
 
 
