@@ -166,11 +166,9 @@ outputs:
 
 
 @pytest.mark.parametrize("gain", [0.2, 0.8, 1.0])
-def test_a_transmission_synapse_designed_as_published_has_its_gain(play, gain):
+def test_a_transmission_synapse_designed_for_a_gain_has_it(play, gain):
     """g = k R / (E - k R): the source R above rest brings the target k R above rest (R 20 mV, E 194 mV)."""
     weight_ns = 1000 * gain * 20 / (194 - gain * 20)
-    if gain == 1.0:
-        assert round(weight_ns) == 115  # the value that the paper uses
     played = play(SNS.format(weight=weight_ns, reversal=-60 + 194), np.full(200, 20e-9))
     assert played.state["source.v"][-1] == pytest.approx(-40e-3, abs=1e-9)
     assert played.state["target.v"][-1] == pytest.approx(-60e-3 + gain * 20e-3, abs=1e-7)
