@@ -11,12 +11,12 @@ import strategies
 from hypothesis import given, settings
 
 from circuitkit.circuit import circuit_schema
-from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.circuit.spec import CircuitSpec
 from circuitkit.source import data_folder, read_yaml, shipped_names
 
 SCHEMA = circuit_schema()
-TYPES = {"object": dict, "array": list, "string": str, "null": type(None)}
+TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "null": type(None)}
 
 
 def accepts(data: Any, schema: Any) -> bool:
@@ -29,8 +29,8 @@ def _resolve(data: Any, reference: str, _: Any) -> bool:
 
 
 def _type(data: Any, name: str, _: Any) -> bool:
-    if name == "number":
-        return isinstance(data, int | float) and not isinstance(data, bool)
+    if name in {"number", "integer"}:
+        return isinstance(data, int | float if name == "number" else int) and not isinstance(data, bool)
     return isinstance(data, TYPES[name])
 
 
@@ -49,7 +49,7 @@ def _additional(data: Any, value: Any, schema: Any) -> bool:
 
 
 def _if(data: Any, condition: Any, schema: Any) -> bool:
-    return not accepts(data, condition) or accepts(data, schema["then"])
+    return accepts(data, schema["then"] if accepts(data, condition) else schema.get("else", {}))
 
 
 def _patterns(data: Any, patterns: Any, _: Any) -> bool:
@@ -59,7 +59,7 @@ def _patterns(data: Any, patterns: Any, _: Any) -> bool:
 
 
 _KEYWORDS: dict[str, Any] = {
-    **dict.fromkeys(["$schema", "$defs", "title", "description", "default", "then"], lambda *_: True),
+    **dict.fromkeys(["$schema", "$defs", "title", "description", "default", "then", "else"], lambda *_: True),
     "$ref": _resolve,
     "type": _type,
     "enum": lambda data, values, _: data in values,
@@ -82,13 +82,24 @@ _KEYWORDS: dict[str, Any] = {
 
 def test_every_key_is_described():
     for name, definition in {**SCHEMA["$defs"], "circuit": SCHEMA}.items():
-        mapping = definition["anyOf"][-1] if "anyOf" in definition else definition
-        for key, value in mapping["properties"].items():
+        mappings = definition["anyOf"] if "anyOf" in definition else [definition]
+        for key, value in [pair for each in mappings for pair in each.get("properties", {}).items()]:
             assert value.get("description"), f"{name}.{key}"
-    branches = SCHEMA["$defs"]["NeuronSpec"]["allOf"]
-    assert len(branches) == len(NEURON_MODEL_NAMES)
-    for name, branch in zip(NEURON_MODEL_NAMES, branches, strict=True):
-        assert list(branch["then"]["properties"]) == list(neuron_model(name).parameter_names)
+
+
+@pytest.mark.parametrize(
+    ("entry", "names", "model"),
+    [
+        ("NeuronSpec", NEURON_MODEL_NAMES, neuron_model),
+        ("PopulationSpec", NEURON_MODEL_NAMES, neuron_model),
+        ("SynapseSpec", SYNAPSE_MODEL_NAMES, synapse_model),
+        ("ProjectionSpec", SYNAPSE_MODEL_NAMES, synapse_model),
+    ],
+)
+def test_every_model_has_its_parameters_beside_the_keys(entry, names, model):
+    branches = SCHEMA["$defs"][entry]["allOf"]
+    for name, branch in zip(names, branches, strict=True):
+        assert list(branch["then"]["properties"]) == list(model(name).parameter_names)
         assert all(value["description"] for value in branch["then"]["properties"].values())
 
 
@@ -110,6 +121,7 @@ def test_random_circuits_fit(data):
 
 
 NEURON = {"model": "sigmoid", "role": "excitatory", "slope": 1, "shift": "edge"}
+PROJECTION = {"from": "r", "to": "r", "connect": "all_to_all", "weight": "i - j"}
 SYNAPSE = {"from": "a", "to": ["b"], "weight": 1}
 
 
@@ -129,6 +141,21 @@ SYNAPSE = {"from": "a", "to": ["b"], "weight": 1}
         {"inputs": {"u": {"unit": "mm", "range": [1]}}},
         {"outputs": {"y": {"unit": "mm", "readout": {}}}},
         {"parameters": {"w": {"valu": 1}}},
+        {"synapses": [{**SYNAPSE, "model": "first_order"}]},
+        {"synapses": [{**SYNAPSE, "model": "gated"}]},
+        {"synapses": [{**SYNAPSE, "model": "sttic"}]},
+        {"synapses": [{**SYNAPSE, "tau": "5 ms"}]},
+        {"populations": {"r": {**NEURON, "size": 3, "shift": {"unifrom": [0, 1]}}}},
+        {"populations": {"r": NEURON}},
+        {"populations": {"r": {**NEURON, "size": 3, "low": [1, 2, 3]}}},
+        {"projections": [{**PROJECTION, "connect": "all"}]},
+        {"projections": [{**PROJECTION, "connect": {"probabilty": 0.1}}]},
+        {"projections": [{**PROJECTION, "self": "no"}]},
+        {"include": [{"file": "a.yaml"}]},
+        {"include": [{"file": "a.yaml", "as": "b.c"}]},
+        {"neuron_models": {"mine": {"parameters": {}}}},
+        {"neuron_models": {"mine": {"output": "A", "method": "eulr"}}},
+        {"synapse_models": {"mine": {"current": "weight * pre", "per": "neuron"}}},
     ],
 )
 def test_what_is_wrong_is_underlined(change):
