@@ -356,6 +356,31 @@ def balanced_network() -> Figure:
     return figure
 
 
+def conditioned_reflex() -> Figure:
+    """What is felt and heard, what the synapse learns from it, and what the joint does."""
+    program = program_of("conditioned_reflex")
+    touch, sound, awake = np.zeros(800), np.zeros(800), np.ones(800)
+    touch[150:450] = 1
+    for start, stop in ((50, 100), (150, 450), (500, 550), (600, 650), (700, 750)):
+        sound[start:stop] = 1
+    awake[575:675] = 0
+    series = {"touch": touch, "sound": sound, "awake": awake}
+    table = np.stack([series[name] for name in program.input_names], axis=-1)[:, np.newaxis]
+    trace = run(program, table, states=True)
+    time_s = (np.arange(len(touch)) + 1) * program.step_s
+    figure, ((above,), (middle,), (below,)) = sheet(3, 1, 3.6, sharex=True, height_ratios=[1, 1, 0.8])
+    for row, values in enumerate(series.values()):
+        above.fill_between(time_s, -row, -row + 0.7 * values, step="pre", color=CYCLE[row], linewidth=0)
+    above.set(yticks=[0.3, -0.7, -1.7], yticklabels=list(series))
+    above.grid(visible=False)
+    curve(middle, time_s, trace.states[:, 0, 0], 0, "")
+    middle.axhline(0.5, color=GREY, linewidth=0.7)
+    middle.set(ylabel="weight of the sound", ylim=(0, 1))
+    curve(below, time_s, np.degrees(trace.readout[:, 0, 0]), 0, "")
+    below.set(xlabel="time [s]", ylabel="joint [°]", ylim=(-2, 34), xlim=(0, 8))
+    return figure
+
+
 FIGURES = {
     "binn_sagittal": binn_sagittal,
     "binn_planar": binn_planar,
@@ -367,6 +392,7 @@ FIGURES = {
     "spiking_reflex": spiking_reflex,
     "ring_attractor": ring_attractor,
     "balanced_network": balanced_network,
+    "conditioned_reflex": conditioned_reflex,
 }
 
 
