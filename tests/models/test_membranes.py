@@ -75,9 +75,9 @@ def test_the_adaptive_exponential_neuron_of_brette_and_gerstner(play, alone, cur
         return [(-g * (v - e) + upstroke - w + current) / c, (a * (v - e) - w) / tw]
 
     # From -10 mV the upstroke to 20 mV takes less than a nanosecond, too steep for the integrator.
-    expected = spike_times(slope, [e, 0], -10e-3, lambda y: [e, y[1] + b], 0.3)
-    text = alone("model: adaptive_exponential", "nA", "0.1 ms", 10)
-    found = play(text, np.full(3000, current)).spike_times_s("n")
+    expected = spike_times(slope, [e, 0], -10e-3, lambda y: [e, y[1] + b], 0.2)
+    text = alone("model: adaptive_exponential", "nA", "0.1 ms", 4)
+    found = play(text, np.full(2000, current)).spike_times_s("n")
     assert len(expected) > 2
     assert len(found) == len(expected)
     np.testing.assert_allclose(found, expected, atol=len(expected) * 0.2e-3)
@@ -100,9 +100,9 @@ def test_the_regular_spiking_neuron_of_izhikevich(play, alone):
         v, u = y
         return [(0.7 * (v + 60) * (v + 40) - u + 100) / 100, 0.03 * (-2 * (v + 60) - u)]
 
-    expected = spike_times(slope, [-60, 0], 35, lambda y: [-50, y[1] + 100], 1000)
+    expected = spike_times(slope, [-60, 0], 35, lambda y: [-50, y[1] + 100], 600)
     found = (
-        play(alone("model: izhikevich", "pA", "0.5 ms", 10), np.full(2000, 100e-12)).spike_times_s("n") * 1e3
+        play(alone("model: izhikevich", "pA", "0.5 ms", 5), np.full(1200, 100e-12)).spike_times_s("n") * 1e3
     )
     assert len(expected) > 5
     assert len(found) == len(expected)
@@ -127,12 +127,12 @@ def test_the_model_with_units_contains_the_one_of_2003(play, alone):
         return [0.04 * v * v + 5 * v + 140 - u + 10, 0.02 * (0.2 * v - u)]
 
     low, high = ((-5 - math.sqrt(2.6)) / 0.08, (-5 + math.sqrt(2.6)) / 0.08)  # roots of 0.04 v^2 + 5 v + 140
-    expected = spike_times(slope, [low, 0.2 * low], 30, lambda y: [-65, y[1] + 8], 490)
+    expected = spike_times(slope, [low, 0.2 * low], 30, lambda y: [-65, y[1] + 8], 400)
     neuron = (
         f"model: izhikevich, capacitance: 1 pF, gain: 0.04 nS/mV, rest: {low} mV, threshold: {high} mV, "
         "peak: 30 mV, reset: -65 mV, rate: 0.02 /ms, coupling: 0.2 nS, jump: 8 pA"
     )
-    played = play(alone(neuron, "pA", "0.5 ms", 20), np.full(1000, (10 - 0.2 * low) * 1e-12))
+    played = play(alone(neuron, "pA", "0.5 ms", 8), np.full(800, (10 - 0.2 * low) * 1e-12))
     found = played.spike_times_s("n")[: len(expected)] * 1e3
     assert len(found) == len(expected) > 8
     np.testing.assert_allclose(np.diff(found), np.diff(expected), atol=1.0)

@@ -94,7 +94,8 @@ def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
     try:
         return _synapse_model(declaration, form)
     except InputError:
-        if any("source" in each.unit for each in (*form.parameters.values(), *form.states.values())):
+        parameters, states = form.parameters.values(), form.states.values()
+        if any("source" in unit for unit in (*(p.unit for p in parameters), *(s.unit for s in states))):
             raise
         declaration = replace(declaration, plain_source=True, dimensions={}, problems=[])
         return _synapse_model(declaration, form)
