@@ -150,7 +150,7 @@ def test_the_paper_reproduces_in_one_seed():
          "allowed: steps 0 to 1, or a longer duration"),
         ("cell: LFsrFL", "cell: LFsr",
          "mine.yaml:13:12: faults[0].cell: the robot has no force cell 'LFsr'; allowed: LFsrFL, LFsrFR, "
-         "LFsrRL, LFsrRR, RFsrFL, RFsrFR, RFsrRL, RFsrRR; did you mean 'LFsrRR'?"),
+         "LFsrRL, LFsrRR, RFsrFL, RFsrFR, RFsrRL, RFsrRR; did you mean 'LFsrFL'?"),
         ("duration: 2.4 s", "duration: 4 ms",
          "mine.yaml:1:1: the fault of LFsrFL starts after the end; allowed: before 0.004 s"),
     ],
