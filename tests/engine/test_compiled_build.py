@@ -1,0 +1,212 @@
+"""How circuits are compiled and kept: a damaged cache, no compiler, no place to write, two at once."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from circuitkit.engine import compile_circuit, run
+from circuitkit.engine.backends import compiled_backend
+from circuitkit.engine.backends.c import build
+from circuitkit.engine.backends.c.build import BuildError, load_program, unavailable
+from circuitkit.engine.backends.c.kernel import CompiledKernel
+from circuitkit.engine.backends.numpy_backend import NumpyKernel
+
+pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
+SOURCE = '#include "context.h"\nint64_t ck_work(void) {{ return {}; }}\n'
+WORK = """
+import sys
+from circuitkit.engine.backends.c.build import load_program
+print(*(load_program(open(name).read()) != 0 for name in sys.argv[1:]))
+"""
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty cache, and none of the libraries that are loaded already."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("CIRCUITKIT_CACHE", str(folder))
+    monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O1")
+    build._library.cache_clear()
+    return folder
+
+
+@pytest.fixture
+def no_compiler(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+
+
+def result(source):
+    """What the function of a source returns."""
+    import ctypes
+
+    return ctypes.CFUNCTYPE(ctypes.c_int64)(load_program(source))()
+
+
+def libraries(folder):
+    return sorted(path for path in folder.iterdir() if path.suffix == ".so")
+
+
+def test_a_source_is_compiled_once_and_leaves_only_the_library(cache):
+    assert result(SOURCE.format(1)) == 1
+    (library,) = cache.iterdir()
+    written = library.stat().st_ino
+    build._library.cache_clear()
+    assert result(SOURCE.format(1)) == 1
+    assert [path.stat().st_ino for path in cache.iterdir()] == [written]
+    assert result(SOURCE.format(2)) == 2
+    assert len(libraries(cache)) == len(list(cache.iterdir())) == 2
+
+
+@pytest.mark.parametrize("damage", ["cut short", "changed", "empty"])
+def test_a_damaged_library_is_made_anew_and_not_loaded(cache, damage, caplog):
+    load_program(SOURCE.format(3))
+    (library,) = libraries(cache)
+    content = library.read_bytes()
+    library.unlink()  # it stays mapped into this process
+    broken = {"cut short": content[:4000], "changed": content[:-1] + b"x", "empty": b""}[damage]
+    library.write_bytes(broken)
+    build._library.cache_clear()
+    with caplog.at_level(logging.WARNING, "circuitkit"):
+        assert result(SOURCE.format(3)) == 3
+    assert f"the compiled circuit {library} in the cache is damaged; it is made anew" in caplog.text
+    assert [path.read_bytes() for path in libraries(cache)] == [content]
+
+
+@pytest.mark.usefixtures("cache", "no_compiler")
+def test_without_a_compiler_numpy_does_the_same_and_says_so(caplog):
+    reason = "no C compiler was found (looked for $CC, cc, gcc, clang)"
+    assert unavailable() == reason
+    program = compile_circuit("binn_lateral", backend="compiled")
+    assert compiled_backend.prepare(program) == reason
+    with caplog.at_level(logging.WARNING, "circuitkit"):
+        kernel = program.new_kernel(1)
+    assert isinstance(kernel, NumpyKernel)
+    assert f"{reason}; the circuit 'binn_lateral' is run by the numpy backend" in caplog.text
+    auto = compile_circuit("binn_lateral", backend="auto")
+    assert (auto.backend, auto.note) == ("numpy", f"backend numpy: {reason}")
+
+
+@pytest.mark.usefixtures("cache")
+def test_without_the_headers_of_python_numpy_is_taken(monkeypatch, tmp_path):
+    monkeypatch.setattr("sysconfig.get_path", lambda _: str(tmp_path))
+    assert unavailable() == "the headers of Python (Python.h) are not installed"
+
+
+def test_a_compiler_that_fails_is_named_with_its_first_complaint(cache, tmp_path, monkeypatch):
+    compiler = tmp_path / "mycc"
+    compiler.write_text("#!/bin/sh\necho 'out of disk' >&2\nexit 1\n", encoding="utf-8")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    with pytest.raises(BuildError, match=f"the compiler {compiler} failed: out of disk"):
+        load_program(SOURCE.format(4))
+    assert not list(cache.iterdir())
+    program = compile_circuit("binn_lateral", backend="auto")
+    assert program.note == f"backend numpy: the compiler {compiler} failed: out of disk"
+
+
+def test_a_full_disk_leads_to_numpy(cache, monkeypatch):
+    def full(*_args, **_more):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tempfile.TemporaryDirectory", full)
+    with pytest.raises(BuildError, match=r"the cache cannot be used: .*No space left on device"):
+        load_program(SOURCE.format(5))
+    assert not list(cache.iterdir())
+
+
+def test_a_cache_that_cannot_be_written_is_replaced_by_a_folder_of_the_users_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("CIRCUITKIT_CACHE", "/proc/no/such/folder")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    build._library.cache_clear()
+    assert result(SOURCE.format(6)) == 6
+    (folder,) = tmp_path.iterdir()
+    assert folder.name == f"circuitkit-{os.getuid()}"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o777)  # now somebody else could have put something there
+    build._library.cache_clear()
+    with pytest.raises(BuildError, match="is not a folder of this user alone"):
+        load_program(SOURCE.format(6))
+
+
+def test_two_processes_at_once_do_not_harm_each_other(cache, tmp_path):
+    names = []
+    for i in range(4):
+        names.append(tmp_path / f"{i}.c")
+        names[-1].write_text(SOURCE.format(i), encoding="utf-8")
+    command = [sys.executable, "-c", WORK, *map(str, names)]
+    started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [process.communicate(timeout=60)[0] for process in started] == ["True True True True\n"] * 2
+    assert [process.returncode for process in started] == [0, 0]
+    keys = {path.stem.split("-")[0] for path in libraries(cache)}
+    assert len(keys) == 4
+    assert len(list(cache.iterdir())) == len(libraries(cache))
+
+
+def test_the_oldest_libraries_go_when_there_are_many(cache, monkeypatch):
+    monkeypatch.setattr(build, "_MAX_KEPT", 2)
+    for i in range(3):
+        load_program(SOURCE.format(10 + i))
+        for age, path in enumerate(libraries(cache)):
+            os.utime(path, ns=(0, path.stat().st_mtime_ns - 10**9 * (age + 1)))
+    assert len(libraries(cache)) == 2
+
+
+def test_flags_compiler_and_processor_are_part_of_the_key(cache, monkeypatch):
+    load_program(SOURCE.format(7))
+    monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O0")
+    build._library.cache_clear()
+    load_program(SOURCE.format(7))
+    assert len(libraries(cache)) == 2
+    monkeypatch.setattr(build, "_processor", lambda: "another one")
+    build._library.cache_clear()
+    load_program(SOURCE.format(7))
+    assert len(libraries(cache)) == 3
+
+
+def test_the_binn_is_built_within_3_s_and_found_again_within_100_ms(cache, monkeypatch):
+    monkeypatch.delenv("CIRCUITKIT_CFLAGS")
+    build.load_runtime.cache_clear()
+    program = compile_circuit("binn_lateral", backend="compiled")
+    times = []
+    for _ in range(2):
+        start = time.perf_counter()
+        assert isinstance(CompiledKernel(program, 1), CompiledKernel)
+        times.append(time.perf_counter() - start)
+        build._library.cache_clear()
+    assert times[0] < 3.0
+    assert times[1] < 0.1
+    assert len(libraries(cache)) == 2  # the runtime and the circuit
+
+
+def test_a_forked_process_can_use_threads_too(monkeypatch, tmp_path):
+    """Worker threads do not follow into a fork; they are made anew."""
+    monkeypatch.setenv("CIRCUITKIT_THREADS", "2")
+    monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O1")
+    program = compile_circuit("binn_lateral", backend="compiled")
+    inputs = np.random.default_rng(0).normal(size=(5, 100, 2))
+    wanted = run(program, inputs).readout
+    script = Path(tmp_path) / "fork.py"
+    script.write_text(
+        "import os, numpy as np\n"
+        "from circuitkit.engine import compile_circuit, run\n"
+        "program = compile_circuit('binn_lateral', backend='compiled')\n"
+        "inputs = np.random.default_rng(0).normal(size=(5, 100, 2))\n"
+        "run(program, inputs)\n"
+        "child = os.fork()\n"
+        "total = run(program, inputs).readout.sum()\n"
+        "if child:\n"
+        "    assert os.waitpid(child, 0)[1] == 0\n"
+        "    print(repr(float(total)))\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.strip() == repr(float(wanted.sum())), done.stderr
