@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron
-from circuitkit.circuit.models.model import ACTIVATION
 from circuitkit.draw.layers import make_layers
-from circuitkit.draw.network import make_network
+from circuitkit.draw.network import make_network, node_of
+from circuitkit.draw.responses import centres, function, member, response, span
+from circuitkit.draw.shapes import text_size
 from circuitkit.draw.style import (
     CYCLE,
     DASHES,
     GREY,
     PICTURES,
     SMALL,
+    axes_at,
     house_style,
     new_figure,
+    plain_legend,
     require_suffix,
     save_figure,
     tidy,
 )
-from circuitkit.draw.wording import parameter_text
-from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
-from circuitkit.engine.state import FloatArray
-from circuitkit.units import Unit
+from circuitkit.draw.wording import parameter_texts
+from circuitkit.units import DIMENSIONLESS, Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,53 +39,35 @@ if TYPE_CHECKING:
 _MOST_CURVES = 6
 _MOST_COLUMNS = 3
 _PANEL_WIDTH, _PANEL_HEIGHT = 2.75, 1.7  # [in]
-_LEFT, _TOP, _BELOW, _LEGEND_ROW = 0.62, 0.34, 0.52, 0.155  # [in]
-_POINTS = 801
-_TAILS = 6.0  # how many widths of a curve are shown beside its centre
+_LEFT, _TOP, _BELOW, _LEGEND_ROW = 0.66, 0.34, 0.52, 0.155  # [in]
+_ROOM = 72.0 * _PANEL_WIDTH  # for a title or an entry of the legend, [pt]
 _BOUNDED = 1.5
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Neurons with one and the same function."""
+    """Neurons with one and the same function.
 
-    neurons: tuple[Neuron, ...]
+    Attributes:
+        names: Of the neurons, or of populations.
+        neuron: One of them.
+    """
+
+    names: tuple[str, ...]
+    neuron: Neuron
 
     @property
     def text(self) -> str:
         """Names and parameters, such as `q1, q4: slope 0.1 /mm, shift 79.9 mm`."""
-        first = self.neurons[0]
-        unit = first.activation_unit
-        values = (
-            parameter_text(parameter, first.parameters[parameter.name], unit)
-            for parameter in first.model.parameters
-        )
-        return f"{', '.join(neuron.name for neuron in self.neurons)}: {', '.join(values)}"
-
-    def centres(self) -> list[float]:
-        """Activations at which something happens, [SI]."""
-        first = self.neurons[0]
-        return [first.parameters[p.name] for p in first.model.parameters if p.unit_rule.activation == 1]
-
-    def width(self) -> float:
-        """How much activation the curve needs to rise, [SI]; 0 if it jumps."""
-        first = self.neurons[0]
-        slopes = [first.parameters[p.name] for p in first.model.parameters if p.unit_rule.activation == -1]
-        return max((1 / abs(slope) for slope in slopes if slope), default=0.0)
-
-    def values(self, activation: FloatArray) -> FloatArray:
-        """Outputs at these activations [SI], dimensionless."""
-        first = self.neurons[0]
-        with np.errstate(all="ignore"):
-            result = first.model.output.evaluate(
-                {**first.parameters, ACTIVATION: activation}, NUMPY_FUNCTIONS
-            )
-        return np.broadcast_to(np.asarray(result, dtype=np.float64), activation.shape)
+        values = ", ".join(parameter_texts(self.neuron))
+        model = self.neuron.model.name.replace("_", " ")
+        long = f"{', '.join(self.names)}: {values}"
+        return long if _fits(long, SMALL) else f"{_names(self.names, SMALL, f': {model}')}: {model}"
 
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves in one axes: neurons of one layer, one role and one unit of activation.
+    """Curves in one axes: neurons of one layer, one role, one unit of activation, with states or without.
 
     Attributes:
         role: Of the neurons.
@@ -101,21 +84,24 @@ class Panel:
     @property
     def title(self) -> str:
         """The neurons and their role."""
-        names = list(self.names)
-        shown = ", ".join(names) if len(names) <= _MOST_CURVES else f"{names[0]} to {names[-1]}"
-        return f"{shown} ({self.role})"
+        return f"{_names(self.names, SMALL + 1.0, f' ({self.role})')} ({self.role})"
 
-    def span(self) -> tuple[float, float]:
-        """The activations that show what the curves do, and 0, [SI]."""
-        centres = [centre for curve in self.curves for centre in curve.centres()] or [0.0]
-        tail = _TAILS * max(curve.width() for curve in self.curves)
-        low, high = min(centres), max(centres)
-        beside = max(tail, 0.5 * (high - low), 0.5 * max(abs(low), abs(high))) or 1.0
-        return min(low - beside, 0.0), max(high + beside, 0.0)
+
+def _names(names: Sequence[str], size: float, beside: str) -> str:
+    """The names, or the first and the last of them, where there is no room for more beside a text."""
+    every = ", ".join(names)
+    return every if len(names) == 1 or _fits(every + beside, size) else f"{names[0]} to {names[-1]}"
+
+
+def _fits(text: str, size: float) -> bool:
+    return text_size(text, size)[0] <= _ROOM
 
 
 def draw_activations(graph: CircuitGraph, path: str | Path) -> None:
     """Draw the activation function (eq. 12) of every neuron; equal ones share a curve.
+
+    Of a neuron with states it is what it settles to at a held activation: its output, or its rate if it
+    spikes. A population shows its first, middle and last member where they differ.
 
     Args:
         graph: The circuit.
@@ -140,46 +126,65 @@ def activations_figure(graph: CircuitGraph) -> Figure:
     width, height = columns * (_LEFT + _PANEL_WIDTH) + 0.15, sum(heights) or 1.0
     with house_style():
         figure = new_figure(width, height)
-        top = height
+        top = _TOP
         for row, tall in zip(rows, heights, strict=True):
             for i, panel in enumerate(row):
-                left, bottom = i * (_LEFT + _PANEL_WIDTH) + _LEFT, top - _TOP - _PANEL_HEIGHT
-                frame = (left / width, bottom / height, (_PANEL_WIDTH - 0.1) / width, _PANEL_HEIGHT / height)
-                _paint(figure.add_axes(frame), panel, first=i == 0)
-            top -= tall
+                left = i * (_LEFT + _PANEL_WIDTH) + _LEFT
+                axes = axes_at(figure, left, top, _PANEL_WIDTH - 0.1, _PANEL_HEIGHT)
+                _paint(axes, panel, first=i == 0)
+            top += tall
     return figure
 
 
 def make_panels(graph: CircuitGraph) -> list[Panel]:
-    """Neurons grouped by layer, role and unit, no more than six curves together."""
+    """Neurons grouped by layer, role, unit and kind of answer, no more than six curves together."""
     layer_of = make_layers(make_network(graph)).layer_of
-    groups: dict[tuple[int, str, Unit], list[Neuron]] = {}
-    for neuron in graph.neurons:
-        key = (layer_of[neuron.name], neuron.role, neuron.activation_unit)
-        groups.setdefault(key, []).append(neuron)
+    groups: dict[tuple[Any, ...], list[tuple[str, Neuron]]] = {}
+    for name, neuron in _shown_neurons(graph):
+        answer = (bool(neuron.model.states), neuron.model.spike is not None)
+        key = (layer_of[node_of(name)], neuron.role, neuron.activation_unit, answer)
+        groups.setdefault(key, []).append((name, neuron))
     panels = []
-    for (_, role, unit), neurons in sorted(groups.items(), key=lambda each: each[0][0]):
-        alike: dict[tuple[object, ...], list[Neuron]] = {}
-        for neuron in neurons:
-            alike.setdefault((neuron.model, *neuron.parameters.items()), []).append(neuron)
-        curves = [Curve(tuple(each)) for each in alike.values()]
+    for (_, role, unit, _), members in sorted(groups.items(), key=lambda each: each[0][0]):
+        alike: dict[tuple[object, ...], list[str]] = {}
+        first: dict[tuple[object, ...], Neuron] = {}
+        for name, neuron in members:
+            values = (neuron.model, *neuron.parameters.items())
+            alike.setdefault(values, []).append(name)
+            first.setdefault(values, neuron)
+        curves = [Curve(tuple(names), first[values]) for values, names in alike.items()]
         for i in range(0, len(curves), _MOST_CURVES):
             shown = curves[i : i + _MOST_CURVES]
-            names = [neuron.name for neuron in neurons if any(neuron in curve.neurons for curve in shown)]
+            names = [name for name, _ in members if any(name in curve.names for curve in shown)]
             panels.append(Panel(role, unit, tuple(names), tuple(shown)))
     return panels
 
 
+def _shown_neurons(graph: CircuitGraph) -> Iterator[tuple[str, Neuron]]:
+    """Neurons by name; of a population one member for all, or three where they differ."""
+    for neuron in graph.neurons:
+        yield neuron.name, neuron
+    for population in graph.populations:
+        if all(np.ndim(values) == 0 for values in population.parameters.values()):
+            yield population.name, member(population, 0)
+            continue
+        for index in dict.fromkeys((0, population.size // 2, population.size - 1)):
+            shown = member(population, index)
+            yield shown.name, shown
+
+
 def _paint(axes: Axes, panel: Panel, *, first: bool) -> None:
-    low, high = panel.span()
-    activation = _grid(panel.curves, low, high)
+    low, high = span([curve.neuron for curve in panel.curves])
     scale = panel.unit.scale
+    answers = []
     for i, curve in enumerate(panel.curves):
         colour, dashes = CYCLE[i % len(CYCLE)], DASHES[i % len(DASHES)]
-        values = curve.values(activation)
-        axes.plot(activation / scale, values, color=colour, linestyle=dashes, linewidth=1.5, label=curve.text)
-        for centre in curve.centres():
-            at = curve.values(np.array([centre]))
+        found = response(curve.neuron, low, high)
+        answers.append(found)
+        style: Any = {"color": colour, "linestyle": dashes, "linewidth": 1.5}
+        axes.plot(found.activation / scale, found.output, label=curve.text, **style)
+        for centre in () if curve.neuron.model.states else centres(curve.neuron):
+            at = function(curve.neuron, np.array([centre]))
             axes.plot(centre / scale, at, marker="o", markersize=3.2, color=colour, linestyle="none")
     bottom, top = axes.get_ylim()
     if bottom > -_BOUNDED and top < _BOUNDED:
@@ -188,31 +193,10 @@ def _paint(axes: Axes, panel: Panel, *, first: bool) -> None:
     axes.set_title(panel.title, loc="left", fontsize=SMALL + 1.0)
     axes.locator_params(axis="x", nbins=6)
     axes.set_xlabel(f"activation A [{panel.unit}]")
-    if first:
-        axes.set_ylabel("output O [1]")
+    what, unit = answers[0].what, answers[0].unit
+    if first or (what, unit) != ("output", DIMENSIONLESS):
+        axes.set_ylabel(f"{what} O [{unit}]" if unit == DIMENSIONLESS else f"{what} [{unit}]")
     axes.axvline(0.0, color=GREY, linewidth=0.5, zorder=0)
     tidy(axes)
     corner = -0.40 / _PANEL_HEIGHT
-    axes.legend(
-        loc="upper left",
-        bbox_to_anchor=(0.0, corner),
-        frameon=False,
-        handlelength=2.2,
-        borderaxespad=0.0,
-        labelspacing=0.25,
-        borderpad=0.0,
-    )
-
-
-def _grid(curves: Sequence[Curve], low: float, high: float) -> FloatArray:
-    """Activations to compute at: evenly spaced, and close together where a curve is steep."""
-    parts = [np.linspace(low, high, _POINTS)]
-    for curve in curves:
-        for centre in curve.centres():
-            width = max(curve.width(), 1e-9 * (high - low))
-            parts += [
-                centre + width * np.linspace(-_TAILS, _TAILS, 61),
-                np.nextafter(centre, [-np.inf, np.inf]),
-            ]
-    grid = np.unique(np.concatenate(parts))
-    return grid[(grid >= low) & (grid <= high)]
+    plain_legend(axes, "upper left", (0.0, corner), handlelength=2.2, borderaxespad=0.0, labelspacing=0.25)

@@ -70,6 +70,28 @@ def new_figure(width_in: float, height_in: float) -> Figure:
     return figure
 
 
+def axes_at(
+    figure: Figure,
+    left_in: float,
+    top_in: float,
+    width_in: float,
+    height_in: float,
+    sharex: Axes | None = None,
+) -> Axes:
+    """Axes at a place that is measured from the upper left corner of the figure, [in]."""
+    width, height = figure.get_size_inches()
+    bottom = height - top_in - height_in
+    return figure.add_axes(
+        (left_in / width, bottom / height, width_in / width, height_in / height), sharex=sharex
+    )
+
+
+def plain_legend(axes: Axes, corner: str, at: tuple[float, float], **more: Any) -> None:  # noqa: ANN401 - whatever `Axes.legend` takes
+    """A legend without a frame whose corner stands at a place, in units of the axes."""
+    options: Any = {"loc": corner, "bbox_to_anchor": at, "frameon": False, "borderpad": 0.0, **more}
+    axes.legend(**options)
+
+
 def tidy(axes: Axes, *, grid: bool = True) -> None:
     """Axes with two thin sides, small ticks and, if wanted, a pale grid behind."""
     for side in ("top", "right"):

@@ -18,9 +18,11 @@ from circuitkit.draw.style import (
     KIND_COLOUR,
     PICTURES,
     SMALL,
+    axes_at,
     house_style,
     new_figure,
     number,
+    plain_legend,
     require_suffix,
     save_figure,
     tidy,
@@ -155,11 +157,9 @@ def traces_figure(
     with house_style():
         figure = new_figure(_WIDTH, total)
         shared: Axes | None = None
-        top = total - _TOP
+        top = _TOP
         for i, height in enumerate(heights):
-            wide = (_WIDTH - _LEFT - _RIGHT) / _WIDTH
-            frame = (_LEFT / _WIDTH, (top - height) / total, wide, height / total)
-            axes = figure.add_axes(frame, sharex=shared)
+            axes = axes_at(figure, _LEFT, top, _WIDTH - _LEFT - _RIGHT, height, sharex=shared)
             shared = shared or axes
             if i < len(panels):
                 paint_panel(axes, time, panels[i])
@@ -167,7 +167,7 @@ def traces_figure(
                 paint_activity(axes, time, activity)
             _paint_spans(axes, spans, words=i == 0)
             axes.tick_params(labelbottom=i == len(heights) - 1)
-            top -= height + _BETWEEN
+            top += height + _BETWEEN
         if shared is not None and len(time):
             shared.set_xlim(float(time[0]), max(float(time[-1]), float(time[0]) + 1e-9))
             figure.axes[-1].set_xlabel("time [s]")
@@ -198,16 +198,8 @@ def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel) -> No
     tidy(axes)
     entries = axes.get_legend_handles_labels()[1]
     if entries:
-        axes.legend(
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=len(entries),
-            frameon=False,
-            borderaxespad=0.1,
-            borderpad=0.0,
-            handlelength=1.6,
-            columnspacing=1.2,
-        )
+        columns = {"ncols": len(entries), "columnspacing": 1.2}
+        plain_legend(axes, "lower right", (1.0, 1.0), handlelength=1.6, borderaxespad=0.1, **columns)
 
 
 def paint_activity(axes: Axes, time_s: npt.NDArray[np.float64], activity: Activity) -> None:
