@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import NoReturn
 
 import numpy as np
 
@@ -121,6 +122,10 @@ class Stepper:
         self.batch = state.batch
         self.inputs = self._kernel.inputs
         self.readout = self._kernel.readout
+        bind_step = getattr(self._kernel, "bind_step", None)
+        bound = None if bind_step is None else bind_step(self._take, self._fail)
+        if bound is not None:
+            self.step = bound  # type: ignore[method-assign]  # the same in one call
         self.reset()
 
     def step(self, inputs: FloatArray | None = None) -> FloatArray:
@@ -137,13 +142,19 @@ class Stepper:
             DivergedError: A number that is not finite came out.
         """
         if inputs is not None:
-            own = self.inputs
-            if getattr(inputs, "shape", None) != own.shape:
-                require_step_inputs(inputs, self.batch, self.program.input_names)
-            own[...] = inputs
+            self._take(inputs)
         if not self._advance():
-            raise_for(self.program, self.inputs, self.state)
+            self._fail()
         return self.readout
+
+    def _take(self, inputs: FloatArray) -> None:
+        own = self.inputs
+        if getattr(inputs, "shape", None) != own.shape:
+            require_step_inputs(inputs, self.batch, self.program.input_names)
+        own[...] = inputs
+
+    def _fail(self) -> NoReturn:
+        raise_for(self.program, self.inputs, self.state)
 
     def store_output(self, output: FloatArray) -> None:
         """Write the neurons' outputs after the last step into an array of shape (B, n_neurons)."""

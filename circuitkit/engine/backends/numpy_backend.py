@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from circuitkit.engine.backends.numpy_dense import DenseKernel, make_dense_kernel
 from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
 from circuitkit.engine.state import FloatArray, State
 
@@ -23,9 +24,10 @@ if TYPE_CHECKING:
     from circuitkit.engine.program import Program
 
 
-def make_kernel(program: Program, batch: int) -> NumpyKernel:
-    """A kernel in the initial state for B = `batch` copies of the circuit."""
-    return NumpyKernel(program, batch)
+def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:
+    """A kernel for B = `batch` copies of the circuit."""
+    dense = None if program.reproducible else make_dense_kernel(program, batch)
+    return NumpyKernel(program, batch) if dense is None else dense
 
 
 class NumpyKernel:

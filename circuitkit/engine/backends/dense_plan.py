@@ -1,0 +1,306 @@
+"""Which programs are a few matrix products with functions between them, and which products these are.
+
+For neurons without states an output is f(x) or a joint of two such, with x = gain A + constant and A a weighted sum
+(eqs. 11 and 12). Gains and constants go into the weights: for all neurons of a stage x = G s, s being the number 1,
+the inputs and the outputs. What is added up in G s is in no fixed order, so this serves programs that need not be
+reproducible to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number, Unary
+from circuitkit.engine.operations import Map, Operation, Sum
+from circuitkit.engine.program import Program
+from circuitkit.engine.state import FloatArray
+
+LARGEST = 20_000  # numbers in all matrices; above, most of them would be zeros
+_LARGEST_SHIFT = 1e3  # of an activation; that of one with a larger shift could not be worked out from x
+IDENTITY = ""
+BOUNDED = frozenset({"sigmoid", "tanh", "heaviside"})
+_RECTIFIED = "rectified"  # max(0, x)
+FUNCTIONS = frozenset({*BOUNDED, IDENTITY, _RECTIFIED})
+
+
+@dataclass(frozen=True)
+class Element:
+    """`function(gain A + constant)` with A in a row of the table."""
+
+    function: str
+    row: int
+    gain: float
+    constant: float
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An output: an element, or two joined by an operator.
+
+    Attributes:
+        target: Row of the table that is written.
+        elements: One or two.
+        joint: The operator between two.
+    """
+
+    target: int
+    elements: tuple[Element, ...]
+    joint: str = ""
+
+
+@dataclass(eq=False)
+class Stage:
+    """Sums, and cells that read nothing but these.
+
+    Attributes:
+        terms: For every row of an activation the rows that are added up, with weights.
+        cells: What is made of them.
+        copies: Pairs (source, target) of rows that are copied before.
+    """
+
+    terms: dict[int, list[tuple[int, float]]] = field(default_factory=dict)
+    cells: list[Cell] = field(default_factory=list)
+    copies: list[tuple[int, int]] = field(default_factory=list)
+
+
+def dense_stages(program: Program) -> list[Stage] | None:
+    """The stages of a program; None if it is not of this kind, or too large to be dense."""
+    has_more = program.substep or len(program.state_rows) or program.memories or program.members
+    n = len(program.activation_rows)
+    if has_more or n * (n + len(program.input_names)) > LARGEST:
+        return None
+    stages = [Stage()]
+    for operation in program.before:
+        if not _extend(stages, operation):
+            return None
+    elements = [element for stage in stages for cell in stage.cells for element in cell.elements]
+    known = {e.row for e in elements if abs(e.constant) <= _LARGEST_SHIFT * abs(e.gain) and e.gain}
+    return stages if known == set(program.activation_rows.tolist()) else None
+
+
+def _extend(stages: list[Stage], operation: Operation) -> bool:
+    if isinstance(operation, Sum):
+        if stages[-1].cells:
+            stages.append(Stage())
+        _add_terms(stages[-1], operation)
+        return True
+    if not isinstance(operation, Map) or operation.picks:
+        return False
+    stage = stages[-1]
+    for target, expression in operation.results:
+        if isinstance(expression, Name) and not stage.terms:
+            source = operation.rows[expression.name]
+            stage.copies += [(source + i, target + i) for i in range(operation.count)]
+            continue
+        cells = _cells(operation, target, expression)
+        known = cells is not None and all(e.row in stage.terms for cell in cells for e in cell.elements)
+        if cells is None or not known:
+            return False
+        stage.cells += cells
+    return True
+
+
+def _add_terms(stage: Stage, operation: Sum) -> None:
+    weights = np.broadcast_to(operation.weights, operation.sources.shape).tolist()
+    sources = (operation.sources + operation.base).tolist()
+    for i in range(operation.stop - operation.start):
+        part = slice(int(operation.indptr[i]), int(operation.indptr[i + 1]))
+        row = operation.start + i
+        before = stage.terms.get(row, []) if operation.add else []
+        stage.terms[row] = [*before, *zip(sources[part], weights[part], strict=True)]
+
+
+def _cells(operation: Map, target: int, expression: Expression) -> list[Cell] | None:
+    single = _elements(operation, expression)
+    if single is not None:
+        return [Cell(target + i, (element,)) for i, element in enumerate(single)]
+    match expression:
+        case Binary(operator="*" | "+" | "-" as joint, left=left, right=right):
+            first, second = _elements(operation, left), _elements(operation, right)
+            if first is not None and second is not None:
+                pairs = enumerate(zip(first, second, strict=True))
+                return [Cell(target + i, pair, joint) for i, pair in pairs]
+    return None
+
+
+def _elements(operation: Map, expression: Expression) -> list[Element] | None:
+    """`function(gain A + constant)` for every i of a map; None if the expression is no such thing."""
+    function, inside = IDENTITY, expression
+    match expression:
+        case Call(function="sigmoid" | "tanh" | "heaviside" as name, arguments=(argument,)):
+            function, inside = name, argument
+        case Call(function="max", arguments=(Number(value=0.0), argument) | (argument, Number(value=0.0))):
+            function, inside = _RECTIFIED, argument
+    if len(operation.rows) != 1:
+        return None
+    (variable,) = operation.rows
+    affine = _affine(inside, variable, operation.constants)
+    if affine is None:
+        return None
+    gains, constants = (np.broadcast_to(part, (operation.count,)).tolist() for part in affine)
+    row = operation.rows[variable]
+    return [
+        Element(function, row + i, gain, constant)
+        for i, (gain, constant) in enumerate(zip(gains, constants, strict=True))
+    ]
+
+
+def _affine(
+    expression: Expression, variable: str, constants: Mapping[str, FloatArray]
+) -> tuple[FloatArray, FloatArray] | None:
+    """(gain, constant) of an expression that is gain times the variable plus a constant."""
+    zero = np.array(0.0)
+    match expression:
+        case Number(value=value):
+            return zero, np.array(value)
+        case Name(name=name) if name == variable:
+            return np.array(1.0), zero
+        case Name(name=name) if name in constants:
+            return zero, constants[name]
+        case Unary(operator=sign, operand=operand):
+            inner = _affine(operand, variable, constants)
+            return inner if inner is None or sign == "+" else (-inner[0], -inner[1])
+        case Binary(operator=joint, left=left, right=right):
+            first, second = _affine(left, variable, constants), _affine(right, variable, constants)
+            if first is not None and second is not None:
+                return _joined(joint, first, second)
+    return None
+
+
+def _joined(
+    joint: str, first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray] | None:
+    match joint:
+        case "+":
+            return first[0] + second[0], first[1] + second[1]
+        case "-":
+            return first[0] - second[0], first[1] - second[1]
+        case "*" if not second[0].any():
+            return first[0] * second[1], first[1] * second[1]
+        case "*" if not first[0].any():
+            return second[0] * first[1], second[1] * first[1]
+        case "/" if not second[0].any() and second[1].all():
+            return first[0] / second[1], first[1] / second[1]
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the numbers stand: 1, the inputs, what the functions give, joints, copies, readouts.
+
+    Attributes:
+        place: Place of every row of the program that has one.
+        parts: For every stage, for every function, places (start, stop) of what it gives.
+        joints: For every stage, (target, operator, first, second) by places.
+        elements: For every stage the elements, in the order of their places.
+        readouts: First place of the outputs of the circuit, and the one after the last.
+        count: Number of places.
+    """
+
+    place: Mapping[int, int]
+    parts: Sequence[Sequence[tuple[str, int, int]]]
+    joints: Sequence[Sequence[tuple[int, str, int, int]]]
+    elements: Sequence[Sequence[Element]]
+    readouts: tuple[int, int]
+    count: int
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether the outputs of all neurons are, so that finite inputs give finite ones."""
+        return all(function in BOUNDED for parts in self.parts for function, _, _ in parts)
+
+
+def make_layout(program: Program, stages: Sequence[Stage]) -> Layout:
+    """Give the results of one function in one stage neighbouring places."""
+    place = {1 + i: 1 + i for i in range(len(program.input_names))}
+    count = 1 + len(place)
+    all_parts, all_joints, all_elements = [], [], []
+    for stage in stages:
+        parts, joints, elements = [], [], []
+        where: dict[tuple[int, int], int] = {}
+        for function in sorted({e.function for cell in stage.cells for e in cell.elements}):
+            start = count
+            chosen = [
+                (len(cell.elements), i, number, cell)
+                for number, cell in enumerate(stage.cells)
+                for i, element in enumerate(cell.elements)
+                if element.function == function
+            ]
+            for length, i, number, cell in sorted(chosen, key=lambda each: each[:3]):
+                elements.append(cell.elements[i])
+                where[number, i] = count
+                if length == 1:
+                    place[cell.target] = count
+                count += 1
+            parts.append((function, start, count))
+        for number, cell in enumerate(stage.cells):
+            if cell.joint:
+                place[cell.target] = count
+                joints.append((count, cell.joint, where[number, 0], where[number, 1]))
+                count += 1
+        all_parts.append(parts)
+        all_joints.append(joints)
+        all_elements.append(elements)
+    copied = {target for stage in stages for _, target in stage.copies}
+    for row in sorted(copied) + sorted(_written(program.after)):
+        place[row] = count
+        count += 1
+    first = place[program.readout_rows[0]] if program.output_names else 0
+    return Layout(
+        place, all_parts, all_joints, all_elements, (first, first + len(program.output_names)), count
+    )
+
+
+def _written(operations: Sequence[Operation]) -> set[int]:
+    rows: set[int] = set()
+    for operation in operations:
+        if isinstance(operation, Sum):
+            rows.update(range(operation.start, operation.stop))
+        elif isinstance(operation, Map):
+            for row, _ in operation.results:
+                rows.update(range(row, row + operation.count))
+    return rows
+
+
+def moved(operation: Operation, layout: Layout) -> Sum | Map:
+    """An operation on the outputs, for the places in which its rows stand; ranges of rows stay ranges."""
+    if isinstance(operation, Sum):
+        rows = (operation.sources + operation.base).tolist()
+        start = layout.place[operation.start]
+        return replace(
+            operation,
+            start=start,
+            stop=start + operation.stop - operation.start,
+            sources=np.array([layout.place[row] for row in rows], dtype=np.int32),
+            base=0,
+        )
+    if isinstance(operation, Map):
+        return replace(
+            operation,
+            results=tuple((layout.place[row], expression) for row, expression in operation.results),
+            rows={name: layout.place[row] for name, row in operation.rows.items()},
+        )
+    message = "only sums and maps can be moved"
+    raise TypeError(message)
+
+
+def matrices(stages: Sequence[Stage], layout: Layout, sigmoid: float) -> list[FloatArray]:
+    """G of every stage, shape (n_elements + 1, k); its last row is zero, and finds what is not finite.
+
+    It multiplies the first k places. Arguments of sigmoids come out with the sign `sigmoid`.
+    """
+    found = []
+    for stage, elements in zip(stages, layout.elements, strict=True):
+        matrix = np.zeros((len(elements) + 1, layout.count))
+        for i, element in enumerate(elements):
+            matrix[i, 0] = element.constant
+            for row, weight in stage.terms[element.row]:
+                matrix[i, layout.place[row]] += element.gain * weight
+            if element.function == "sigmoid":
+                matrix[i] *= sigmoid
+        used = int(np.flatnonzero(matrix.any(axis=0)).max(initial=0)) + 1
+        found.append(np.ascontiguousarray(matrix[:, :used]))
+    return found

@@ -1,0 +1,346 @@
+"""Dense kernel of the numpy backend: a matrix product for every stage, for programs that need not be reproducible."""
+
+from __future__ import annotations
+
+import contextvars
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+from scipy.special import expit
+
+from circuitkit.engine.backends.dense_code import Code, one_by_one, quicker_one_by_one, read_out
+from circuitkit.engine.backends.dense_plan import (
+    IDENTITY,
+    Layout,
+    Stage,
+    dense_stages,
+    make_layout,
+    matrices,
+    moved,
+)
+from circuitkit.engine.backends.numpy_operations import Workspace, bind_operation
+from circuitkit.engine.state import FloatArray, State
+
+if TYPE_CHECKING:
+    from circuitkit.engine.operations import IndexArray
+    from circuitkit.engine.program import Program
+
+Take = Callable[[FloatArray], object]
+Fail = Callable[[], NoReturn]
+_BLOCK = 1024  # members of a batch that are computed together, so that they stay in the processor's cache
+_FEW_INPUTS = 8
+_SINGLE = 8  # members from which numpy's vectorised exp is faster than scipy's expit
+
+
+def make_dense_kernel(program: Program, batch: int) -> DenseKernel | None:
+    """A kernel for a program that is a few matrix products; None for any other."""
+    stages = dense_stages(program)
+    return None if stages is None else DenseKernel(program, batch, stages)
+
+
+class DenseKernel:
+    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.Kernel`.
+
+    Activations are not kept: they are worked out from x = gain A + constant when somebody asks for them.
+    """
+
+    def __init__(self, program: Program, batch: int, stages: Sequence[Stage]) -> None:
+        layout = make_layout(program, stages)
+        number = np.dtype(program.precision)
+        self.batch = batch
+        self._layout, self._stages, self._program = layout, stages, program
+        self._numbers = np.zeros((layout.count, batch), dtype=number)
+        self._numbers[0] = 1.0
+        self._mirrored = batch > _SINGLE
+        sign = -1.0 if self._mirrored else 1.0
+        self._matrices = [matrix.astype(number) for matrix in matrices(stages, layout, sign)]
+        self._arguments = [np.zeros((len(matrix), batch), dtype=number) for matrix in self._matrices]
+        self.inputs: FloatArray = self._numbers[1 : 1 + len(program.input_names)].T
+        self._readout = self._numbers[slice(*layout.readouts)]
+        self.readout: FloatArray = self._readout.T
+        self.readout.flags.writeable = False
+        self._output_places = np.array([layout.place[row] for row in program.output_rows.tolist()], np.intp)
+        self._activations = Activations(program, layout, self._arguments, sign)
+        self._given = np.zeros((batch, len(program.activation_rows)))
+        self._time = self._loaded = 0
+        self._code: Code | None = None
+        if batch == 1:
+            self._code = self._straight()
+            self.advance: Callable[[], bool] = self._loud(
+                self._code.function("advance()", [f"return {self._condition()}"])
+            )
+        else:
+            self.advance = _silently(self._blocked())
+
+    # --- one circuit --------------------------------------------------------------------------------------
+
+    def bind_step(self, take: Take, fail: Fail) -> Callable[..., FloatArray] | None:
+        """The step of one circuit as one function, to spare calls; None for a batch.
+
+        Args:
+            take: Puts inputs in their place.
+            fail: Raises what there is to say if something is not finite.
+        """
+        if self._code is None:
+            return None
+        self._code.names |= {"take": take, "fail": fail, "readout": self.readout}
+        names = ", ".join(f"m[{1 + i}]" for i in range(len(self._program.input_names)))
+        taking = ["take(inputs)"]
+        if 0 < len(self._program.input_names) <= _FEW_INPUTS:  # one by one; what does not fit, `take` refuses
+            taking = ["try:", f"    (({names},),) = inputs.tolist()", "except Exception:", "    take(inputs)"]
+        self._code.lines[:0] = first = ["if inputs is not None:", *(f"    {line}" for line in taking)]
+        step = self._code.function(
+            "step(inputs=None)", [f"if not ({self._condition()}):", "    fail()", "return readout"]
+        )
+        del self._code.lines[: len(first)]
+        return self._loud(step)
+
+    def _condition(self) -> str:
+        code = self._code
+        checks = code.checks if code is not None else []
+        return f"({' and '.join(checks)}) or is_finite()" if checks else "is_finite()"
+
+    def _loud(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, without numpy's warnings if it can give any."""
+        called = {function for parts in self._layout.parts for function, _, _ in parts}
+        return function if called <= {"sigmoid"} or self._by_number else _silently(function)
+
+    def _straight(self) -> Code:
+        """The step as straight code."""
+        numbers = self._numbers.reshape(-1)
+        code = Code(memoryview(numbers))
+        code.names |= {"time": 0, "is_finite": self._is_finite}
+        self._by_number = quicker_one_by_one(self._stages, self._layout)
+        if self._by_number:
+            self._print_numbers(code)
+        else:
+            self._print_arrays(code, numbers)
+        if not read_out(code, self._program.after, self._layout):
+            self._push_first(code)
+            work = Workspace(self._numbers)
+            for operation in self._program.after:
+                for call in bind_operation(moved(operation, self._layout), work, in_substeps=False):
+                    code.call(call)
+            code.checks.append("is_finite()")
+        return code
+
+    def _print_numbers(self, code: Code) -> None:
+        for i in range(len(self._program.input_names)):
+            code.lines.append(f"u{1 + i} = m[{1 + i}]")
+            code.values[1 + i] = f"u{1 + i}"
+        total = " + ".join(code.values.values()) or "0.0"
+        code.checks.append(f"{total} - ({total}) == 0.0")
+        for parts, joints in zip(self._layout.parts, self._layout.joints, strict=True):
+            places = [place for _, start, stop in parts for place in range(start, stop)]
+            for place in [*places, *(target for target, _, _, _ in joints)]:
+                code.values[place] = f"o{place}"
+        for number, stage in enumerate(self._stages):
+            one_by_one(code, stage, self._layout, number)
+        if not self._layout.is_bounded:
+            outputs = " + ".join(name for name in code.values.values() if name.startswith("o"))
+            code.checks.append(f"({outputs}) - ({outputs}) == 0.0")
+
+    def _print_arrays(self, code: Code, numbers: FloatArray) -> None:
+        parts = zip(self._stages, self._matrices, self._arguments, self._layout.parts, strict=True)
+        for number, (stage, matrix, arguments, functions) in enumerate(parts):
+            x = arguments.reshape(-1)
+            for source, target in stage.copies:
+                code.lines.append(f"m[{self._layout.place[target]}] = m[{self._layout.place[source]}]")
+            code.call(matrix.dot, numbers[: matrix.shape[1]], x)
+            start = 0
+            for function, begin, end in functions:
+                given, result = x[start : start + end - begin], numbers[begin:end]
+                start += end - begin
+                code.call(*_function_call(function, given, result))
+            for target, joint, first, second in self._layout.joints[number]:
+                code.lines.append(f"m[{target}] = m[{first}] {joint} m[{second}]")
+            code.checks.append(f"{code.bind(memoryview(x))}[{len(x) - 1}] == 0.0")
+        if not self._layout.is_bounded:
+            code.checks.append("is_finite()")
+
+    def _push_first(self, code: Code) -> None:
+        """Let the arrays have the outputs before calls read them."""
+        if self._by_number:
+            for place, name in code.values.items():
+                code.lines.append(f"m[{place}] = {name}")
+
+    def _is_finite(self) -> bool:
+        self._pull()
+        return all(map(_is_finite, (self._numbers, *self._arguments)))
+
+    def _pull(self) -> None:
+        """Put what straight code keeps to itself into the arrays."""
+        if self._code is None:
+            return
+        names = self._code.names
+        self._time = names["time"]
+        if self._by_number:
+            for place, name in self._code.values.items():
+                if name.startswith("o"):
+                    self._numbers[place] = names[name]
+            for number, x in enumerate(self._arguments):
+                x[:-1, 0] = [names[f"x{number}_{i}"] for i in range(len(x) - 1)]
+
+    def _push(self) -> None:
+        """Let straight code begin with what stands in the arrays."""
+        if self._code is None:
+            return
+        names = self._code.names
+        names["time"] = self._time
+        for name in self._code.written:
+            if name[0] in "oy":
+                names[name] = float(self._numbers[int(name[1:]), 0])
+
+    # --- a batch ------------------------------------------------------------------------------------------
+
+    def _blocked(self) -> Callable[[], bool]:
+        """The step of a batch, block after block."""
+        calls: list[Callable[[], object]] = []
+        for begin in range(0, self.batch, _BLOCK):
+            members = slice(begin, min(begin + _BLOCK, self.batch))
+            calls += self._block(self._numbers[:, members], [x[:, members] for x in self._arguments])
+        ends = [x[-1] for x in self._arguments]
+        checked = [*ends, self._readout] if self._layout.is_bounded else [*ends, self._numbers]
+
+        def advance() -> bool:
+            for call in calls:
+                call()
+            self._time += 1
+            return all(map(_is_finite, checked))
+
+        return advance
+
+    def _block(self, numbers: FloatArray, arguments: Sequence[FloatArray]) -> list[Callable[[], object]]:
+        calls: list[Callable[[], object]] = []
+        layout = self._layout
+        parts = zip(self._stages, self._matrices, arguments, layout.parts, layout.joints, strict=True)
+        for stage, matrix, x, functions, joints in parts:
+            for source, target in stage.copies:
+                calls.append(partial(np.copyto, numbers[layout.place[target]], numbers[layout.place[source]]))
+            calls.append(partial(np.matmul, matrix, numbers[: matrix.shape[1]], x))
+            start = 0
+            for function, begin, end in functions:
+                given, result = x[start : start + end - begin], numbers[begin:end]
+                start += end - begin
+                calls += _function_calls(function, given, result, mirrored=self._mirrored)
+            for target, joint, first, second in joints:
+                ufunc = {"*": np.multiply, "+": np.add, "-": np.subtract}[joint]
+                calls.append(partial(ufunc, numbers[first], numbers[second], numbers[target]))
+        work = Workspace(numbers)
+        for operation in self._program.after:
+            calls += bind_operation(moved(operation, layout), work, in_substeps=False)
+        return calls
+
+    # --- states -------------------------------------------------------------------------------------------
+
+    def load(self, state: State) -> None:
+        """Take over a state."""
+        self._numbers[self._output_places] = state.output.T
+        self._readout[...] = state.readout.T
+        self._given[...] = state.activation
+        self._loaded = self._time = state.time
+        self._push()
+
+    def store(self, state: State) -> None:
+        """Write the state into the arrays of another one; all but the seeds."""
+        self._pull()
+        self._activations.store(state.activation)
+        if self._time == self._loaded:
+            state.activation[...] = self._given
+        state.output[...] = self._numbers.take(self._output_places, 0).T
+        state.readout[...] = self.readout
+        state.time = self._time
+
+    def store_output(self, output: FloatArray) -> None:
+        """Write the neurons' outputs into an array of shape (B, n_neurons)."""
+        self._pull()
+        output[...] = self._numbers.take(self._output_places, 0).T
+
+    def run(self, inputs: FloatArray, rows: IndexArray, record: FloatArray) -> int:
+        """Do T control steps and record rows of the table."""
+        n = len(self._output_places)
+        places = np.array([self._layout.place.get(row, -1) for row in rows.tolist()], dtype=np.intp)
+        column = {row: i for i, row in enumerate(self._program.activation_rows.tolist())}
+        hidden = np.flatnonzero(places < 0)
+        columns = np.array([column[int(rows[i])] for i in hidden], dtype=np.intp)
+        activation = np.empty((self.batch, n))
+        own, advance = self.inputs, self.advance
+        for step, (given, taken) in enumerate(zip(inputs, record, strict=True)):
+            own[...] = given
+            if not advance():
+                return step
+            self._pull()
+            taken[...] = self._numbers.take(places, 0, mode="clip").T
+            if len(hidden):
+                self._activations.store(activation)
+                taken[:, hidden] = activation[:, columns]
+        return len(inputs)
+
+
+class Activations:
+    """Works out A from x = gain A + constant, by the element of each neuron with the largest gain."""
+
+    def __init__(
+        self, program: Program, layout: Layout, arguments: Sequence[FloatArray], sigmoid: float
+    ) -> None:
+        self._parts: list[tuple[FloatArray, list[int], list[int], FloatArray, FloatArray]] = []
+        column = {row: i for i, row in enumerate(program.activation_rows.tolist())}
+        for elements, x in zip(layout.elements, arguments, strict=True):
+            best: dict[int, int] = {}
+            for i, element in enumerate(elements):
+                if element.row not in best or abs(element.gain) > abs(elements[best[element.row]].gain):
+                    best[element.row] = i
+            columns, rows = [column[row] for row in best], list(best.values())
+            signs = np.array([sigmoid if elements[i].function == "sigmoid" else 1.0 for i in rows])
+            gains = (signs * [elements[i].gain for i in rows])[:, np.newaxis]
+            constants = (signs * [elements[i].constant for i in rows])[:, np.newaxis]
+            self._parts.append((x, columns, rows, gains, constants))
+
+    def store(self, activation: FloatArray) -> None:
+        """Write the activations into an array of shape (B, n_neurons)."""
+        for x, columns, rows, gains, constants in self._parts:
+            activation[:, columns] = ((x[rows] - constants) / gains).T
+
+
+def _function_call(function: str, x: FloatArray, result: FloatArray) -> tuple[object, ...]:
+    """One call that does a function; its parts."""
+    match function:
+        case "sigmoid":
+            return (expit, x, result)
+        case "tanh":
+            return (np.tanh, x, result)
+        case "heaviside":
+            return (np.heaviside, x, np.ones_like(x), result)
+        case str() as name if name == IDENTITY:
+            return (np.positive, x, result)
+    return (partial(np.maximum, out=result), x, np.zeros_like(x))
+
+
+def _function_calls(
+    function: str, x: FloatArray, result: FloatArray, *, mirrored: bool
+) -> list[Callable[[], object]]:
+    """Calls that do a function for a batch; 1 / (1 + exp(x)) by numpy's vectorised exp if x is mirrored."""
+    if function == "sigmoid" and mirrored:
+        one = np.ones((1, 1), dtype=x.dtype)
+        return [
+            partial(np.exp, x, result),
+            partial(np.add, result, one, result),
+            partial(np.divide, one, result, result),
+        ]
+    call, *arguments = _function_call(function, x, result)
+    return [partial(call, *arguments)]  # type: ignore[arg-type]
+
+
+def _is_finite(values: FloatArray) -> bool:
+    """Whether all are; a sum that is not finite may come from large numbers, so then one looks closer."""
+    return math.isfinite(np.add.reduce(values, None)) or bool(np.isfinite(values).all())
+
+
+def _silently(function: Callable[[], bool]) -> Callable[[], bool]:
+    """The function without floating-point warnings; `np.errstate` would cost as much as five operations."""
+    silent = contextvars.copy_context()
+    silent.run(np.seterr, all="ignore")
+    return partial(silent.run, function)
