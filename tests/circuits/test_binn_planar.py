@@ -21,19 +21,24 @@ _WALKS = st.lists(
 )
 
 
+def _compiled(name):
+    """With the backend that rounds alike whatever stands beside a neuron."""
+    return compile_circuit(resolve(load_circuit(name)), backend="numpy")
+
+
 @pytest.fixture(scope="module")
 def planar():
-    return compile_circuit(resolve(load_circuit("binn_planar")))
+    return _compiled("binn_planar")
 
 
 @pytest.fixture(scope="module")
 def lateral():
-    return compile_circuit(resolve(load_circuit("binn_lateral")))
+    return _compiled("binn_lateral")
 
 
 @pytest.fixture(scope="module")
 def sagittal():
-    return compile_circuit(resolve(load_circuit("binn_sagittal")))
+    return _compiled("binn_sagittal")
 
 
 def _run(program, **series):

@@ -70,7 +70,7 @@ def test_leaning_to_the_left_turns_the_body_to_the_right_and_the_mirror_image(pr
     left, right = (_spikes(program, tilt)[1].readout[:, 0, 0] for tilt in (0.2, -0.2))
     assert (left <= 0).all()
     assert left.min() < 0
-    np.testing.assert_array_equal(left, -right)
+    np.testing.assert_allclose(left, -right, atol=1e-15)
 
 
 def test_in_control_steps_of_10_ms_no_spike_is_lost():
