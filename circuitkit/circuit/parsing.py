@@ -132,8 +132,20 @@ class _Source:
         return max(len(self._text.rstrip()) - 1, 0)
 
     def offset_of(self, node: ast.expr) -> int:
-        """Where in the text a node begins; columns of `ast` count bytes."""
-        return self.offset(len(self.python.encode()[: node.col_offset].decode()))
+        """Where in the text a node begins."""
+        return self.offset(self._column(node.col_offset))
+
+    def offset_of_joint(self, node: ast.expr) -> int:
+        """Where in the text the operator between two operands stands, or where anything else begins."""
+        match node:
+            case ast.BinOp(left=left) | ast.Compare(left=left, ops=[_]):
+                after = self.python[self._column(left.end_col_offset or 0) :]
+                return self.offset(len(self.python) - len(after.lstrip(" )")))
+        return self.offset_of(node)
+
+    def _column(self, count: int) -> int:
+        """A column of `ast`, which counts bytes, in characters."""
+        return len(self.python.encode()[:count].decode())
 
 
 def _convert(node: ast.expr, source: _Source, depth: int = 0) -> Expression:
@@ -165,7 +177,7 @@ def _convert(node: ast.expr, source: _Source, depth: int = 0) -> Expression:
                 raise ExpressionError(message, at)
             return Call(function, tuple(inside(argument) for argument in arguments), offset=at)
     message = f"found '{source.as_written(node)}'; {_ALLOWED}"
-    raise ExpressionError(message, at)
+    raise ExpressionError(message, source.offset_of_joint(node))
 
 
 def _finite(value: float, at: int) -> float:

@@ -145,6 +145,9 @@ def test_a_name_may_be_called_like_a_constant():
         ("A + 1e999", "1e999"),
         ("A + (1 < 2 < 3)", "1 < 2 < 3"),
         ("A ^ 2 + = 3", "="),
+        ("slope + (A ^ 2) // 3", "//"),
+        ("slope + (A == 3)", "=="),
+        ("(A) % 2", "%"),
     ],
 )
 def test_the_error_says_where_in_the_text(text, found):
