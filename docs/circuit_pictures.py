@@ -312,7 +312,8 @@ def ring_attractor() -> Figure:
     figure, ((left, right),) = sheet(1, 2, 3.0, width_ratios=[1.3, 1])
     image = left.pcolormesh(time_s, angles, ring.T, cmap="viridis", shading="nearest", rasterized=True)
     for start, stop, degrees in ((20, 50, 60), (150, 190, -90)):
-        left.plot([start / 100, stop / 100], [degrees] * 2, color="white", linewidth=2.5)
+        for colour, width in (("black", 4.5), ("white", 2.5)):
+            left.plot([start / 100, stop / 100], [degrees] * 2, color=colour, linewidth=width)
     left.set(xlabel="time [s]", ylabel="direction of the member [°]", yticks=range(-180, 181, 90))
     figure.colorbar(image, ax=left, label="output")
     right.plot(angles, ring[149], "o", color=CYCLE[1], markersize=3, label="ring at 1.5 s")
