@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from circuitkit.circuit.elements import Element, elements_of, value_text
-from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.circuit.graph import CircuitGraph, same
 
 What = Literal["added", "removed", "changed", "renamed"]
 _NODES = ("input", "neuron", "population", "output")
@@ -88,7 +88,7 @@ def _changes_of(before: Sequence[Element], after: Sequence[Element]) -> Iterator
 def _changed_fields(old: Element, new: Element) -> Iterator[Change]:
     for field in dict.fromkeys((*old.fields, *new.fields)):
         one, other = old.fields.get(field, ("", None)), new.fields.get(field, ("", None))
-        if _same(one[0], other[0]):
+        if same(one[0], other[0]):
             continue
         texts = value_text(*one), value_text(*other)
         if texts[0] == texts[1]:
@@ -96,14 +96,6 @@ def _changed_fields(old: Element, new: Element) -> Iterator[Change]:
         if texts[0] == texts[1]:
             texts = texts[0], f"{texts[1]}, other ones"
         yield Change(new.kind, new.title, "changed", field, *texts)
-
-
-def _same(one: Any, other: Any) -> bool:  # noqa: ANN401 - a number, an array or a text
-    if hasattr(one, "shape") or hasattr(other, "shape"):
-        import numpy as np
-
-        return bool(np.array_equal(one, other))
-    return bool(one == other)
 
 
 def _summary(element: Element) -> str:

@@ -88,6 +88,8 @@ def value_text(value: Any, unit: Unit | None, digits: int = 6) -> str:  # noqa: 
         if not value.size:
             return "no values"
         low, high = (format_quantity(float(edge), unit, digits) for edge in (value.min(), value.max()))
+        if value.size == 1:
+            return low
         return f"{value.size} values, {low} to {high}"
     return format_quantity(float(value), unit, digits)
 
@@ -130,10 +132,10 @@ def _nodes(graph: CircuitGraph) -> Iterator[tuple[str, str, Fields]]:
         fields: Fields = {"unit": (node.unit.symbol, None), "from": (node.low, node.unit)}
         yield "input", node.name, fields | {"to": (node.high, node.unit), **_described(node.description)}
     for neuron in graph.neurons:
-        yield "neuron", neuron.name, _neuron_fields(neuron)
+        yield "neuron", neuron.name, neuron_fields(neuron)
     for population in graph.populations:
         fields = {"size": (population.size, None)}
-        yield "population", population.name, fields | _neuron_fields(population)
+        yield "population", population.name, fields | neuron_fields(population)
     for output in graph.outputs:
         yield "output", output.name, _output_fields(output)
 
@@ -142,7 +144,8 @@ def _described(description: str) -> Fields:
     return {"description": (description, None)}
 
 
-def _neuron_fields(node: Neuron | Population) -> Fields:
+def neuron_fields(node: Neuron | Population) -> Fields:
+    """The values of a neuron or population."""
     unit = node.activation_unit
     fields: Fields = {"model": (node.model.name, None), "role": (node.role, None)}
     for parameter in node.model.parameters:

@@ -50,9 +50,8 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str
         table.add_column(heading.removeprefix(">"), justify="right" if heading.startswith(">") else "left")
     for row in rows:
         table.add_row(*row)
-    Console(width=None if sys.stdout.isatty() else WIDTH_OF_A_PIPE, markup=False, highlight=False).print(
-        table
-    )
+    width = None if sys.stdout.isatty() else WIDTH_OF_A_PIPE
+    Console(width=width, markup=False, highlight=False, emoji=False).print(table)
 
 
 def note(text: object) -> None:

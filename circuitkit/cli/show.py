@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from circuitkit.cli.options import CircuitFile, Settings, read_graph
 from circuitkit.cli.printing import examples, print_json, print_table
 
 if TYPE_CHECKING:
     from circuitkit.circuit import CircuitGraph
-    from circuitkit.circuit.graph import Neuron, OutputNode
+    from circuitkit.circuit.graph import Neuron, OutputNode, Population, Projection, Synapse
 
 
 def register(app: typer.Typer) -> None:
@@ -20,6 +22,8 @@ def register(app: typer.Typer) -> None:
     app.command(
         epilog=examples(
             "circuitkit show binn_lateral",
+            "circuitkit show binn_lateral q1",
+            "circuitkit show binn_lateral q1 --set margin=4mm -o q1.svg",
             "circuitkit show binn_lateral --resolved > flat.yaml",
             "circuitkit show binn_lateral --json",
         )
@@ -27,26 +31,41 @@ def register(app: typer.Typer) -> None:
 
 
 def show(
-    file: Annotated[
-        str, typer.Argument(metavar="FILE", help="A circuit file, or the name of a shipped circuit.")
-    ],
+    file: CircuitFile,
+    neuron: Annotated[
+        str | None,
+        typer.Argument(metavar="[NEURON]", help="A neuron, population or member such as ring[3] to explain."),
+    ] = None,
     *,
+    settings: Settings = None,
     resolved: Annotated[
         bool,
         typer.Option(
             "--resolved", help="Print the flat YAML: no includes, no parameters, all values written out."
         ),
     ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="OUT", help="Draw NEURON's curve: .png, .svg or .pdf."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the flat circuit as JSON.")] = False,
 ) -> None:
-    """Show what a circuit file resolves to.
+    """Show what a circuit file resolves to, or explain one neuron.
 
-    Tables of the inputs, neurons, synapses and outputs, with every value worked out.
+    Tables of the inputs, neurons, synapses and outputs, with every value worked out; or of one neuron its
+    equations and numbers, its inputs and where it goes with the lines of the file, and its curve.
     """
-    from circuitkit.circuit import load_circuit, resolve
+    if output is not None and neuron is None:
+        message = "-o draws the curve of one neuron; name it, or use circuitkit draw"
+        raise typer.BadParameter(message)
+    graph = read_graph(file, settings)
+    if neuron is not None:
+        from circuitkit.cli.explaining import show_neuron
+
+        show_neuron(graph, neuron, output, as_json=as_json)
+        return
     from circuitkit.circuit.flat import flat_document, flat_yaml
 
-    graph = resolve(load_circuit(file))
     if as_json:
         print_json(flat_document(graph))
     elif resolved:
@@ -56,11 +75,11 @@ def show(
 
 
 def _print_tables(graph: CircuitGraph) -> None:
-    from circuitkit.circuit.flat import weight_unit
     from circuitkit.units import format_quantity
 
     print(f"{graph.name}: {graph.description}" if graph.description else graph.name)
-    print(f"timing {graph.timing}, control step {graph.step_s * 1e3:g} ms\n")
+    substeps = f", {graph.substeps} substeps" if graph.substeps > 1 else ""
+    print(f"timing {graph.timing}, control step {graph.step_s * 1e3:g} ms{substeps}\n")
     print_table(
         "inputs",
         ("name", "unit", ">from", ">to", "description"),
@@ -80,23 +99,25 @@ def _print_tables(graph: CircuitGraph) -> None:
         ("name", "model", "role", "parameters", "description"),
         ((x.name, x.model.name, x.role, ", ".join(_parameters(x)), x.description) for x in graph.neurons),
     )
-    print_table(
-        "synapses",
-        ("from", "to", ">weight", "kind"),
-        (
-            (x.source, x.target, format_quantity(x.weight, weight_unit(graph, x)), x.kind)
-            for x in graph.synapses
-        ),
-    )
+    if graph.populations:
+        print_table(
+            "populations",
+            ("name", ">size", "model", "role", "parameters", "description"),
+            (
+                (x.name, str(x.size), x.model.name, x.role, ", ".join(_parameters(x)), x.description)
+                for x in graph.populations
+            ),
+        )
+    _print_edges("synapses", graph, graph.synapses)
+    if graph.projections:
+        _print_edges("projections", graph, graph.projections)
     print_table(
         "outputs",
         ("name", "readout", "over the steps", ">from", ">to", "description"),
         (
             (
                 x.name,
-                " + ".join(
-                    f"{format_quantity(weight, x.unit)} · {name}" for name, weight in x.readout
-                ).replace("+ -", "- "),
+                " + ".join(_readout(x)).replace("+ -", "- "),
                 _over_the_steps(x),
                 format_quantity(x.low, x.unit) if math.isfinite(x.low) else "",
                 format_quantity(x.high, x.unit) if math.isfinite(x.high) else "",
@@ -107,13 +128,50 @@ def _print_tables(graph: CircuitGraph) -> None:
     )
 
 
-def _parameters(neuron: Neuron) -> Iterator[str]:
+def _print_edges(title: str, graph: CircuitGraph, edges: Sequence[Synapse | Projection]) -> None:
+    """A table of synapses or projections; columns in which nothing stands are left out."""
+    from circuitkit.circuit.elements import value_text
+    from circuitkit.circuit.flat import weight_unit
+
+    def weight(edge: Any) -> str:  # noqa: ANN401 - either of the two
+        return value_text(
+            getattr(edge, "weights", None) if title == "projections" else edge.weight, unit(edge)
+        )
+
+    def unit(edge: Any) -> Any:  # noqa: ANN401 - as above
+        return weight_unit(graph, edge)
+
+    columns: dict[str, Callable[[Any], str]] = {
+        "from": lambda edge: str(edge.source),
+        "to": lambda edge: str(edge.target),
+        ">synapses": lambda edge: str(len(edge.sources)) if title == "projections" else "",
+        ">weight": weight,
+        "kind": lambda edge: str(edge.kind),
+        "model": lambda edge: "" if edge.model.name == "static" else str(edge.model.name),
+        ">delay": lambda edge: f"{edge.delay_s * 1e3:g} ms" if edge.delay_s else "",
+        "gate": lambda edge: str(edge.gate),
+    }
+    rows = [[tell(edge) for tell in columns.values()] for edge in edges]
+    always = ("from", "to", ">weight", "kind")
+    kept = [i for i, name in enumerate(columns) if name in always or any(row[i] for row in rows)]
+    headings = list(columns)
+    print_table(title, [headings[i] for i in kept], ([row[i] for i in kept] for row in rows))
+
+
+def _parameters(neuron: Neuron | Population) -> Iterator[str]:
+    from circuitkit.circuit.elements import value_text
     from circuitkit.circuit.flat import parameter_unit
-    from circuitkit.units import format_quantity
 
     for parameter in neuron.model.parameters:
         value = neuron.parameters[parameter.name]
-        yield f"{parameter.name} {format_quantity(value, parameter_unit(neuron, parameter))}"
+        yield f"{parameter.name} {value_text(value, parameter_unit(neuron, parameter))}"
+
+
+def _readout(output: OutputNode) -> Iterator[str]:
+    from circuitkit.circuit.elements import value_text
+
+    for name, weight in output.readout:
+        yield f"{value_text(weight, output.unit)} · {name}"
 
 
 def _over_the_steps(output: OutputNode) -> str:
