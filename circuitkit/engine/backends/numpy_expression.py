@@ -7,9 +7,10 @@ from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import expit, exprel
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name, Unary
+from circuitkit.circuit.expression import COMPARISONS, Binary, Call, Expression, Name, Unary
 from circuitkit.engine.state import FloatArray
 
 Operation: TypeAlias = Callable[[], object]
@@ -64,6 +65,7 @@ _FUNCTIONS: Mapping[str, tuple[Callable[..., Any], tuple[float, ...]]] = {
     "tanh": (np.tanh, ()),
     "where": (_where, ()),
 }
+_LARGE = 2048  # numbers from which it is quicker to spread a constant than to read one for each
 _OUT_BY_NAME = frozenset({np.maximum, np.minimum})  # numpy 2.4 warns of a third argument without a name
 NUMPY_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     name: (lambda *arguments, _ufunc=ufunc, _more=more: _ufunc(*arguments, *_more))
@@ -81,8 +83,8 @@ def bind_expression(
 
     Args:
         expression: The tree.
-        constants: Arrays of the shape of `target` that stay; what depends on them alone is computed once,
-            here.
+        constants: Arrays that broadcast to the shape of `target` and stay; what depends on them alone is
+            computed once, here.
         variables: Arrays of the shape of `target` that change between calls; `target` may be among them.
         target: Where the value goes.
     """
@@ -101,16 +103,61 @@ class _Binder:
 
     def write(self, expression: Expression, target: FloatArray) -> None:
         """Have the value of an expression stand in `target` after the operations so far."""
+        if not self._changes(expression):
+            self.operations.append(partial(np.copyto, target, self._operand(expression, target)))
+            return
         match expression:
-            case Unary(operator=sign, operand=inner) if self._changes(expression):
+            case Unary(operator=sign, operand=inner):
                 self._bind(_SIGN[sign], (inner,), (), target)
-            case Binary(operator=joint, left=left, right=right) if self._changes(expression):
+            case Binary(operator=joint) if joint in COMPARISONS:
+                self.operations.append(partial(np.copyto, target, self._condition(expression, target)))
+            case Binary(operator=joint, left=left, right=right):
                 self._bind(_BINARY[joint], (left, right), (), target)
-            case Call(function=function, arguments=arguments) if self._changes(expression):
+            case Call(function="sigmoid", arguments=(argument,)):
+                self._write_sigmoid(argument, target)
+            case Call(function="clip", arguments=(x, low, high)):
+                self.write(Call("min", (Call("max", (x, low)), high)), target)
+            case Call(function="where", arguments=(condition, then, otherwise)):
+                self._write_choice(condition, then, otherwise, target)
+            case Call(function=function, arguments=arguments):
                 ufunc, more = _FUNCTIONS[function]
                 self._bind(ufunc, arguments, more, target)
             case _:
                 self.operations.append(partial(np.copyto, target, self._operand(expression, target)))
+
+    def _write_sigmoid(self, argument: Expression, target: FloatArray) -> None:
+        """1 / (1 + exp(-x)): numpy's exp is vectorised, unlike scipy's expit, and of the same bits for any size."""
+        one = np.ones(target.shape if target.size < _LARGE else (1,) * target.ndim, dtype=target.dtype)
+        self.write(_negative(argument), target)
+        self.operations += [
+            partial(np.exp, target, target),
+            partial(np.add, target, one, target),
+            partial(np.divide, one, target, target),
+        ]
+
+    def _write_choice(
+        self, condition: Expression, then: Expression, otherwise: Expression, target: FloatArray
+    ) -> None:
+        chosen, others = self._operand(then, target), self._operand(otherwise, target)
+        holds = self._condition(condition, target)
+        if chosen is target:  # in place: what is not chosen is what moves
+            self.operations.append(partial(np.logical_not, holds, holds))
+            chosen, others = others, chosen
+        if others is not target:
+            self.operations.append(partial(np.copyto, target, others))
+        self.operations.append(partial(np.copyto, target, chosen, where=holds))
+
+    def _condition(self, expression: Expression, like: FloatArray) -> npt.NDArray[np.bool_]:
+        """Where a condition holds."""
+        holds = np.zeros(like.shape, dtype=np.bool_)
+        match expression:
+            case Binary(operator=joint, left=left, right=right) if joint in COMPARISONS:
+                operands = (self._operand(left, like), self._operand(right, like))
+                self.operations.append(partial(_BINARY[joint], *operands, holds))
+            case _:
+                zero = np.zeros((1,) * like.ndim, dtype=like.dtype)
+                self.operations.append(partial(np.not_equal, self._operand(expression, like), zero, holds))
+        return holds
 
     def _bind(
         self,
@@ -129,8 +176,10 @@ class _Binder:
         """The array in which the value of an operand stands; a new one unless it exists already."""
         if not self._changes(expression):
             with np.errstate(all="ignore"):
-                value = np.asarray(expression.evaluate(self._constants, NUMPY_FUNCTIONS), dtype=np.float64)
-            return np.array(np.broadcast_to(value, like.shape), order="C")
+                value = np.asarray(expression.evaluate(self._constants, NUMPY_FUNCTIONS), dtype=like.dtype)
+            if like.size < _LARGE:
+                return np.array(np.broadcast_to(value, like.shape), order="C")
+            return value if value.ndim else value.reshape((1,) * like.ndim)
         if isinstance(expression, Name):
             return self._variables[expression.name]
         own = np.empty_like(like)
@@ -139,3 +188,15 @@ class _Binder:
 
     def _changes(self, expression: Expression) -> bool:
         return not expression.names().isdisjoint(self._variables)
+
+
+def _negative(expression: Expression) -> Expression:
+    """The negative of an expression, by an operation that it has already if that changes no bit."""
+    match expression:
+        case Unary(operator="-", operand=operand):
+            return operand
+        case Binary(operator="-", left=left, right=right):
+            return Binary("-", right, left)
+        case Binary(operator="*" as joint, left=left, right=Binary(operator="-") as right):
+            return Binary(joint, left, _negative(right))
+    return Unary("-", expression)

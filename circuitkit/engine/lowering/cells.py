@@ -150,8 +150,12 @@ def place_states(group: Group, table: Table, names: StateNames) -> None:
 
 def _grouped(blocks: Sequence[Block]) -> list[Group]:
     groups: dict[NeuronModel, Group] = {}
+    seen: dict[int, Group] = {}  # hashing a model takes its time
     for block in blocks:
-        groups.setdefault(block.node.model, Group(block.node.model, [])).blocks.append(block)
+        model = block.node.model
+        if id(model) not in seen:
+            seen[id(model)] = groups.setdefault(model, Group(model, []))
+        seen[id(model)].blocks.append(block)
     for group in groups.values():
         group.blocks.sort(key=lambda block: isinstance(block.node, Population))
         for block in group.blocks:

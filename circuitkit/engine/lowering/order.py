@@ -47,28 +47,61 @@ def make_order(names: Sequence[str], edges: Iterable[tuple[str, str]], timing: T
 
 
 def _ordered(names: Sequence[str], edges: Sequence[tuple[str, str]]) -> Order:
-    import networkx as nx
-
-    network = nx.DiGraph()
-    network.add_nodes_from(names)
-    network.add_edges_from(edges)
-    cycles = nx.strongly_connected_components(network)
-    cycle_of = {name: i for i, cycle in enumerate(cycles) for name in cycle}
     position = {name: i for i, name in enumerate(names)}
-    from_last_step = {
-        (source, target)
-        for source, target in edges
-        if cycle_of[source] == cycle_of[target] and position[source] >= position[target]
-    }
-    network.remove_edges_from(from_last_step)
-    level = dict.fromkeys(names, 0)
-    for name in nx.topological_sort(network):
-        level[name] = max((level[source] + 1 for source in network.predecessors(name)), default=0)
-    stages: list[list[str]] = [[] for _ in range(max(level.values(), default=-1) + 1)]
-    for name in names:
-        stages[level[name]].append(name)
+    pairs = [(position[source], position[target]) for source, target in edges]
+    successors: list[list[int]] = [[] for _ in names]
+    for source, target in pairs:
+        successors[source].append(target)
+    cycles = _cycles(successors)
+    cycle_of = {node: i for i, cycle in enumerate(cycles) for node in cycle}
+    from_last_step = {(s, t) for s, t in pairs if cycle_of[s] == cycle_of[t] and s >= t}
+    level = [0] * len(names)
+    for cycle in reversed(cycles):  # sources before targets
+        for node in sorted(cycle):
+            for target in successors[node]:
+                if (node, target) not in from_last_step:
+                    level[target] = max(level[target], level[node] + 1)
+    stages: list[list[str]] = [[] for _ in range(max(level, default=-1) + 1)]
+    for name, stage in zip(names, level, strict=True):
+        stages[stage].append(name)
     return Order(
         stages=tuple(tuple(stage) for stage in stages),
-        held=frozenset(pair for pair in from_last_step if level[pair[0]] < level[pair[1]]),
+        held=frozenset((names[s], names[t]) for s, t in from_last_step if level[s] < level[t]),
         outputs_first=False,
     )
+
+
+def _cycles(successors: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Strongly connected components, targets before sources (Tarjan 1972, without recursion)."""
+    n = len(successors)
+    number, lowest = [-1] * n, [0] * n
+    open_nodes: list[int] = []
+    is_open = [False] * n
+    found: list[list[int]] = []
+    counter = 0
+    for root in range(n):
+        todo = [(root, 0)] if number[root] < 0 else []
+        while todo:
+            node, done = todo.pop()
+            if done == 0:
+                number[node] = lowest[node] = counter
+                counter += 1
+                open_nodes.append(node)
+                is_open[node] = True
+            elif is_open[successors[node][done - 1]]:
+                lowest[node] = min(lowest[node], lowest[successors[node][done - 1]])
+            while done < len(successors[node]):
+                target = successors[node][done]
+                done += 1
+                if number[target] < 0:
+                    todo += [(node, done), (target, 0)]
+                    break
+                if is_open[target]:
+                    lowest[node] = min(lowest[node], number[target])
+            else:
+                if lowest[node] == number[node]:
+                    found.append([])
+                    while is_open[node]:
+                        found[-1].append(open_nodes.pop())
+                        is_open[found[-1][-1]] = False
+    return found

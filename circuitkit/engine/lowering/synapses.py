@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from circuitkit.circuit.expression import Binary, Expression, Name
 from circuitkit.circuit.graph import PerMember, Projection, Synapse
+from circuitkit.circuit.models import STATIC
 from circuitkit.circuit.models.model import (
     GATE,
     INPUT,
@@ -34,16 +35,13 @@ from circuitkit.engine.state import FloatArray
 
 Moment = Literal["arrival", "end"]
 _WEIGHTED = Binary("*", Name(WEIGHT), Name(PRE))
+_PLAIN = frozenset({_WEIGHTED, Binary("*", Name(PRE), Name(WEIGHT)), Name(INPUT)})
 _ONE = np.array(1.0)
 
 
 def only_weighs(model: SynapseModel) -> bool:
     """Whether a synapse of this model is just a term of a sum: `weight * pre`."""
-    return not model.states and model.current in {
-        _WEIGHTED,
-        Binary("*", Name(PRE), Name(WEIGHT)),
-        Name(INPUT),
-    }
+    return model is STATIC or (not model.states and model.current in _PLAIN)
 
 
 class Bundle(ABC):
