@@ -148,6 +148,7 @@ def neuron_fields(node: Neuron | Population) -> Fields:
     """The values of a neuron or population."""
     unit = node.activation_unit
     fields: Fields = {"model": (node.model.name, None), "role": (node.role, None)}
+    fields["unit"] = (unit.symbol, None)  # of the activation
     for parameter in node.model.parameters:
         shown = shown_unit(parameter, parameter.unit_rule.dimension(unit.dimension), unit)
         fields[parameter.name] = (node.parameters[parameter.name], shown)

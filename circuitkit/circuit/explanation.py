@@ -94,7 +94,7 @@ class Explanation:
         }
 
 
-_NO_VALUES = frozenset(("model", "role", "description", "size"))
+_NO_VALUES = frozenset(("model", "role", "unit", "description", "size"))
 
 
 def explain(graph: CircuitGraph, name: str) -> Explanation:

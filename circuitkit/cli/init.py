@@ -15,8 +15,8 @@ def register(app: typer.Typer) -> None:
     app.command(
         epilog=examples(
             "circuitkit init",
-            "circuitkit init new/walker.yaml --from reflex",
-            "circuitkit init walker.yaml --force",
+            "circuitkit init new/walker.yaml --from oscillator",
+            "circuitkit init walker.yaml --from population --force",
         )
     )(init)
 
@@ -26,7 +26,9 @@ def init(
         "circuit.yaml"
     ),
     *,
-    template: Annotated[str, typer.Option("--from", metavar="TEMPLATE", help="reflex.")] = "reflex",
+    template: Annotated[
+        str, typer.Option("--from", metavar="TEMPLATE", help="reflex, oscillator or population.")
+    ] = "reflex",
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
 ) -> None:
     """Write a commented circuit to start from.

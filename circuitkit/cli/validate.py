@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from circuitkit.cli.options import SETTINGS, Settings, named_values
 from circuitkit.cli.printing import examples, note, print_json
+
+if TYPE_CHECKING:
+    from circuitkit.errors import Problem
 
 
 def register(app: typer.Typer) -> None:
@@ -15,6 +19,7 @@ def register(app: typer.Typer) -> None:
         epilog=examples(
             "circuitkit validate binn_lateral",
             "circuitkit validate my_circuit.yaml other.yaml",
+            "circuitkit validate binn_lateral --set margin=4mm",
             "circuitkit validate binn_lateral --json",
         )
     )(validate)
@@ -25,6 +30,7 @@ def validate(
         list[str], typer.Argument(metavar="FILE", help="Circuit files, or names of shipped circuits.")
     ],
     *,
+    settings: Settings = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Check circuit files and list all errors at once.
@@ -33,9 +39,8 @@ def validate(
     """
     from dataclasses import asdict
 
-    from circuitkit.circuit import check
-
-    findings = {file: check(file) for file in files}
+    values = named_values(settings, *SETTINGS)
+    findings = {file: _check(file, values) for file in files}
     errors = [problem for found, _ in findings.values() for problem in found]
     if as_json:
         warnings = [problem for _, found in findings.values() for problem in found]
@@ -54,6 +59,23 @@ def validate(
                 note(f"{problem} (warning)")
             print(f"{file}: {_verdict(len(wrong), len(doubtful))}")
     raise typer.Exit(1 if errors else 0)
+
+
+def _check(file: str, values: dict[str, str]) -> tuple[tuple[Problem, ...], tuple[Problem, ...]]:
+    """Errors and warnings of a file; of one without errors also those that other values bring."""
+    from circuitkit.circuit import check
+
+    errors, warnings = check(file)
+    if values and not errors:
+        from circuitkit.circuit import load_circuit
+        from circuitkit.circuit.settings import resolve_with
+        from circuitkit.errors import InputError
+
+        try:
+            resolve_with(load_circuit(file), values)
+        except InputError as error:
+            return error.problems, warnings
+    return errors, warnings
 
 
 def _verdict(errors: int, warnings: int) -> str:

@@ -145,6 +145,6 @@ def test_populations_and_projections(binn):
     added = compare_circuits(binn, ring(binn))
     assert [(change.kind, change.what, change.new) for change in added] == [
         ("model", "changed", ""),
-        ("population", "added", "size 4, sigmoid, excitatory, slope 1, shift 4 values, 0 to 1, noise 0"),
+        ("population", "added", "size 4, sigmoid, excitatory, unit 1, slope 1, shift 4 values, 0 to 1, noise 0"),
         ("projection", "added", "synapses 4, weight 0.5"),
     ][1:]

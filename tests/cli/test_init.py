@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from circuitkit.circuit.starter import TEMPLATES
+
 
 def test_a_starter_is_written_and_runs(circuitkit):
     outcome = circuitkit("init")
@@ -23,6 +25,11 @@ def test_a_file_that_is_there_is_left(circuitkit):
     assert outcome.err == "'mine.yaml' exists already; name another file, or overwrite it with --force\n"
     assert Path("mine.yaml").read_text(encoding="utf-8") == "precious"
     assert circuitkit("init", "mine.yaml", "--force").code == 0
+
+
+def test_the_help_names_every_template(circuitkit):
+    out = circuitkit("init", "--help").out
+    assert all(template in out for template in TEMPLATES)
 
 
 def test_an_unknown_template(circuitkit):

@@ -115,3 +115,10 @@ def test_what_is_no_file_is_wrong_input(circuitkit, name, message):
     assert outcome.code == 1
     assert outcome.err.startswith(message)
     assert len(outcome.err.splitlines()) == 1
+
+
+def test_values_can_be_set(circuitkit):
+    assert circuitkit("validate", "binn_lateral", "--set", "w=2deg").out == "binn_lateral: valid\n"
+    outcome = circuitkit("validate", "binn_lateral", "--set", "w=2mm", "--set", "leak=200%")
+    assert (outcome.code, outcome.out) == (1, "binn_lateral: 2 errors\n")
+    assert all("(with --set)" in line for line in outcome.err.splitlines())
