@@ -129,7 +129,8 @@ class _Making:
         scope, item, model = self.scope, self.item, self.model
         delay = delay_s(scope, item)
         doubt_delay(scope, item, delay, self.source, [self.target], header)
-        check_reads(scope, item, model, self.source, self.target)
+        if not check_reads(scope, item, model, self.source, self.target):
+            return
         found = self._connections()
         if found is None:
             return

@@ -44,7 +44,10 @@ def _check_name(text: str) -> str:
 
 
 def _check_plain_name(text: str) -> str:
-    return _check_name(text.replace(".", " "))
+    if "." in text:
+        message = f"found '{text}'; allowed: a name without dots"
+        raise ValueError(message)
+    return _check_name(text)
 
 
 def _check_value(value: object) -> object:

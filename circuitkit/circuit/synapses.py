@@ -172,10 +172,11 @@ class _Wiring:
             return
         end, terms = source
         for target in targets:
+            if not check_reads(scope, item, model, end, target):
+                return
             if not weight_fits(scope, item, model, Measure(weight.value_si, weight.unit), end, target):
                 return
             check_parameters(scope, item, model, parameters, weight.unit, end, target)
-            check_reads(scope, item, model, end, target)
         doubt_delay(scope, item, delay, end, targets, self.header)
         kind: SynapseKind = item.spec.kind or end.role or "sensorial"
         check_weight(scope, item, model, weight, kind, end)
@@ -281,8 +282,8 @@ def check_parameters(
     check_order(scope, item, model, parameters)
 
 
-def check_reads(scope: Scope, item: Item[Any], model: SynapseModel, source: End, target: End) -> None:
-    """Complain about states of the source or target that the synapse's model reads and they do not have."""
+def check_reads(scope: Scope, item: Item[Any], model: SynapseModel, source: End, target: End) -> bool:
+    """Whether source and target have the states that the synapse's model reads; complains if not."""
     for name, rule in model.reads.items():
         side, _, state_name = name.partition("_")
         end, key = (source, "from") if side == "pre" else (target, "to")
@@ -293,11 +294,13 @@ def check_reads(scope: Scope, item: Item[Any], model: SynapseModel, source: End,
         if state_name not in states:
             message = f"{needed}, but {what} has none; allowed: a neuron whose model has it"
             scope.errors.append(item.problem((key,), message))
-            continue
+            return False
         found = states[state_name].unit_rule.dimension(end.activation.dimension)
         if found != wanted:
             message = f"{needed} in {_symbol(wanted)}, but {what} has it in {_symbol(found)}"
             scope.errors.append(item.problem((key,), f"{message}; allowed: the same dimension"))
+            return False
+    return True
 
 
 _SIDES = {"pre": "source", "post": "target"}

@@ -10,7 +10,6 @@ import pytest
 
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
 from circuitkit.circuit.models import NEURON_MODEL_NAMES
-from circuitkit.circuit.models import NEURON_MODEL_NAMES
 from circuitkit.errors import InputError, UnknownNameError
 
 BASE = """\

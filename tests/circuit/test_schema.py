@@ -82,7 +82,7 @@ _KEYWORDS: dict[str, Any] = {
 
 def test_every_key_is_described():
     for name, definition in {**SCHEMA["$defs"], "circuit": SCHEMA}.items():
-        mappings = definition["anyOf"] if "anyOf" in definition else [definition]
+        mappings = definition.get("anyOf", [definition])
         for key, value in [pair for each in mappings for pair in each.get("properties", {}).items()]:
             assert value.get("description"), f"{name}.{key}"
 
