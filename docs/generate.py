@@ -1,12 +1,18 @@
-"""Writes the pages, pictures and the schema that follow from the code; `make docs` runs it."""
+"""Writes the pages, pictures and the schema that follow from the code; `make docs` runs it.
+
+`python docs/generate.py commands models` writes only these parts; tests say when a page is not current.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import os
+import runpy
 import shutil
+import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
 
@@ -70,7 +76,36 @@ def write_push_pictures() -> None:
     sheet.resize((sheet.width * 2 // 3, sheet.height * 2 // 3)).save(IMAGES / "nao_push.png", optimize=True)
 
 
-if __name__ == "__main__":
+def write_commands() -> None:
+    """The help of every command."""
     write_text(DOCS / "reference" / "commands.md", commands_page())
+
+
+def write_schema() -> None:
+    """The schema that the shipped circuits name in their first line."""
     main(["schema", "-o", str(DOCS.parent / "circuits" / "circuit.schema.json")])
-    write_pictures()
+
+
+def _hook(file: str, function: str) -> Callable[[], None]:
+    """A function of a script beside this one, which is loaded when it is called."""
+
+    def write() -> None:
+        runpy.run_path(str(DOCS / file))[function]()
+
+    return write
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "commands": write_commands,
+    "schema": write_schema,
+    "models": _hook("model_pages.py", "write_model_pages"),
+    "circuits": _hook("circuit_pictures.py", "write_circuit_pictures"),
+    "pictures": write_pictures,
+}
+
+
+if __name__ == "__main__":
+    for part in sys.argv[1:] or PARTS:
+        if part not in PARTS:
+            sys.exit(f"found '{part}'; allowed: {', '.join(PARTS)}")
+        PARTS[part]()
