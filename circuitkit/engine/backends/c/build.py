@@ -34,7 +34,7 @@ _FLAGS = (
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-trapping-math",
-    "-fno-tree-slp-vectorize",  # it packs stores that are soon loaded one by one
+    "-fno-tree-vectorize",  # vectors are written out: packed stores and gathered loads beyond them cost time
 )
 _NATIVE = "-march=native"
 _MAX_KEPT = 1000
@@ -226,7 +226,8 @@ def _compile(folder: Path, target: str, flags: list[str]) -> None:
         )
         if done.returncode == 0 and (folder / target).is_file():
             return
-        reason = next(iter(done.stderr.strip().splitlines()), f"exit status {done.returncode}")
+        lines = sorted(done.stderr.strip().splitlines(), key=lambda line: "error" not in line)
+        reason = next(iter(lines), f"exit status {done.returncode}")
     message = f"the compiler {command[0]} failed: {reason}"
     raise BuildError(message)
 

@@ -11,16 +11,16 @@ import numpy.typing as npt
 
 from circuitkit.engine.backends.c.build import load_program, load_runtime
 from circuitkit.engine.backends.c.source import Source, print_program
-from circuitkit.engine.backends.c.unrolled import MEMBERS
 from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray, State
 
+_LANES = 8
 _ALIGNMENT = 64
 _ALIKE = 64  # rows a multiple of so many numbers apart would share places in the processor's cache
 # Work of a step (terms and expressions, times the batch) from which more threads help, and from which other
 # threads of Python may run during a step.
-_WORK_FOR_THREADS = 200_000
+_WORK_FOR_THREADS = 150_000
 _WORK_TO_RELEASE = 50_000
 
 AnyArray = npt.NDArray[Any]
@@ -57,7 +57,7 @@ class CompiledKernel:
         self._time = 0
         source = print_program(program, batch)
         self._kernel = self._make(source, number)
-        self._in_turn = source.unrolled and batch > MEMBERS
+        self._in_turn = source.unrolled and batch > _LANES
         self.advance: Callable[[], bool] = self._kernel.advance
 
     def _make(self, source: Source, number: np.dtype[Any]) -> Any:  # noqa: ANN401  # a type made by the runtime
@@ -75,6 +75,7 @@ class CompiledKernel:
             *(table.ctypes.data for table in tables),
             self._seeds.ctypes.data,
             _threads(work),
+            work,
             work > _WORK_TO_RELEASE,
             (self._table, self._rings, self._seeds, shared, own, arrays, tables),
         )
@@ -141,8 +142,8 @@ class CompiledKernel:
 def _stride(batch: int) -> int:
     if batch == 1:
         return 1
-    stride = -(-batch // MEMBERS) * MEMBERS
-    return stride + MEMBERS if stride % _ALIKE == 0 else stride
+    stride = -(-batch // _LANES) * _LANES
+    return stride + _LANES if stride % _ALIKE == 0 else stride
 
 
 def _aligned(shape: Sequence[int], number: np.dtype[Any]) -> AnyArray:

@@ -11,7 +11,7 @@
 #else
 #define CK_PAUSE() (void)0
 #endif
-#define CK_SPINS 20000
+#define CK_SPINS 2000
 
 /* Until all workers are here. */
 static void wait_for_all(ck_context *c, int64_t workers)
@@ -49,16 +49,31 @@ CK_INLINE int64_t part_by_terms(const int64_t *indptr, int64_t n, int64_t worker
     return low;
 }
 
-/* `n_weights` says which there are: 0 one for all terms, 1 one for every term, 2 one for every term and member. */
-CK_INLINE void sum_alone(real *restrict rows, const real *restrict sources_from, int64_t n, const int64_t *restrict indptr,
-    const int32_t *restrict sources, const real *restrict weights, int n_weights, int add, int64_t degree,
-    int64_t worker, int64_t workers)
+/* Numbers that are read once a step need not drive those out of the cache that are read again and again. */
+CK_INLINE void expect(const real *weights, const int32_t *sources, int n_weights, int64_t k, int64_t n)
+{
+    const int64_t ahead = 256, line = 64;
+    for (int64_t i = 0; i < n && n_weights; i += line / sizeof(real)) __builtin_prefetch(weights + k + ahead + i, 0, 0);
+    for (int64_t i = 0; i < n; i += line / sizeof(int32_t)) __builtin_prefetch(sources + k + ahead + i, 0, 0);
+}
+
+/* `n_weights` says which there are: 0 one for all terms, 1 one for every term, 2 one for every term and member; `degree`
+   how many terms every sum has, if not -1; `is_long` whether the weights do not fit into the cache. */
+CK_INLINE void sum_alone(real *restrict rows, const real *restrict sources_from, int64_t n,
+    const int64_t *restrict indptr, const int32_t *restrict sources, const real *restrict weights, int n_weights,
+    int add, int64_t degree, int is_long, int64_t worker, int64_t workers)
 {
     int64_t end = part_by_terms(indptr, n, worker + 1, workers);
     for (int64_t i = part_by_terms(indptr, n, worker, workers); i < end; i++) {
-        int64_t k = indptr[i], stop = degree >= 0 ? k + degree : indptr[i + 1];
+        int64_t k = degree >= 0 ? indptr[0] + i * degree : indptr[i], stop = degree >= 0 ? k + degree : indptr[i + 1];
         real sum = add ? rows[i] : 0;
-        for (; k < stop; k++) sum += weights[n_weights ? k : 0] * sources_from[sources[k]];
+        if (is_long) expect(weights, sources, n_weights, k, stop - k);
+        if (degree >= 0 && degree <= 32) {
+#pragma GCC unroll 32
+            for (int64_t d = 0; d < degree; d++) sum += weights[n_weights ? k + d : 0] * sources_from[sources[k + d]];
+        } else {
+            for (; k < stop; k++) sum += weights[n_weights ? k : 0] * sources_from[sources[k]];
+        }
         rows[i] = sum;
     }
 }

@@ -14,6 +14,7 @@ from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember
 from circuitkit.engine.program import Program
 
 _LANES = 8
+_LONG = 50_000  # terms whose weights and indices fill a good part of a processor's own cache
 _PARTS = "worker, workers"
 
 
@@ -105,7 +106,8 @@ class _Printer:
         weights = f"{self._array(operation.weights)}, {operation.weights.ndim}, {int(operation.add)}"
         if not self._alone:
             return f"sum_batch({rows}, {indices}, {weights}, stride, {_PARTS});"
-        return f"sum_alone({rows}, {indices}, {weights}, {_degree(operation.indptr)}, {_PARTS});"
+        is_long = int(len(operation.sources) > _LONG)
+        return f"sum_alone({rows}, {indices}, {weights}, {_degree(operation.indptr)}, {is_long}, {_PARTS});"
 
     def _noise(self, operation: Noise) -> str:
         scale = f"{self._array(operation.scale)}, {operation.scale.ndim}"

@@ -18,9 +18,8 @@ from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray
 
 _LANES = 8
-# Vectors of members whose statements alternate: while one waits for a result, the processor does the other.
-_ABREAST = 2
-MEMBERS = _LANES * _ABREAST
+# Vectors of members whose statements alternate: while one waits for a result, the processor does another.
+_ABREAST = 3
 
 
 def print_unrolled(program: Program, constants: Constants, *, alone: bool) -> str:
@@ -69,6 +68,7 @@ class _Printer:
         kept = lasting_rows(self.program)
         head = [
             f"#define CK_WIDTH {self.width * self.abreast}",
+            f"#define CK_NARROW {self.width}",
             f"#define N_INPUTS {len(self.program.input_names)}",
             f"#define N_KEPT {len(kept)}",
             f"#define N_MEMORIES {len(self.program.memories)}",
@@ -77,17 +77,16 @@ class _Printer:
             *self._copies(kept),
         ]
         self._step(kept)
-        return "\n".join([*head, *(self._expanded(line) for line in self.lines)])
+        return "\n".join([*head, *self._variants()])
 
     def _copies(self, kept: Sequence[int]) -> Iterable[str]:
         """Further functions that the surroundings need."""
         del kept
         return ()
 
-    def _expanded(self, line: str) -> str:
-        if "@" not in line:
-            return line
-        return "\n".join(line.replace("@", str(vector)) for vector in range(self.abreast))
+    def _variants(self) -> Iterable[str]:
+        """The function that does a step, in all widths."""
+        yield from self.lines
 
     def _step(self, kept: Sequence[int]) -> None:
         program = self.program
@@ -201,6 +200,13 @@ class _Batch(_Printer):
         super().__init__(program, constants)
         self._last: dict[int, int] = {}  # line in which a row got its last value, if not in a loop
 
+    def _variants(self) -> Iterable[str]:
+        """With all vectors abreast, and with one for what remains of a batch."""
+        for name, abreast in (("step", self.abreast), ("step_narrow", 1)):
+            for line in self.lines:
+                numbers = range(abreast if "@" in line else 1)
+                yield "\n".join(line.replace("@", str(k)) for k in numbers).replace(" step(", f" {name}(")
+
     def _assign(self, row: int, value: str) -> None:
         super()._assign(row, value)
         self._note(row)
@@ -238,8 +244,11 @@ class _Batch(_Printer):
             else:
                 self.lines[line] += " " + added
         self.lines.insert(start, f"v_{self.width} check_@ = all_{self.width}(0);")
-        total = " + ".join(f"check_{vector}" for vector in range(self.abreast))
-        self.lines.append(f"return ck_is_finite(total_{self.width}({total}));")
+        self.lines += [
+            "real total = 0;",
+            f"total += total_{self.width}(check_@);",
+            "return ck_is_finite(total);",
+        ]
 
 
 class _Alone(_Printer):
