@@ -20,6 +20,7 @@ from circuitkit.engine.state import FloatArray
 
 LARGEST = 20_000  # numbers in all matrices; above, most of them would be zeros
 _LARGEST_SHIFT = 1e3  # of an activation; that of one with a larger shift could not be worked out from x
+_LEAST_GAIN = 1e-100
 IDENTITY = ""
 BOUNDED = frozenset({"sigmoid", "tanh", "heaviside"})
 _RECTIFIED = "rectified"  # max(0, x)
@@ -77,7 +78,7 @@ def dense_stages(program: Program) -> list[Stage] | None:
         if not _extend(stages, operation):
             return None
     elements = [element for stage in stages for cell in stage.cells for element in cell.elements]
-    known = {e.row for e in elements if abs(e.constant) <= _LARGEST_SHIFT * abs(e.gain) and e.gain}
+    known = {e.row for e in elements if abs(e.gain) > max(abs(e.constant) / _LARGEST_SHIFT, _LEAST_GAIN)}
     return stages if known == set(program.activation_rows.tolist()) else None
 
 
@@ -287,14 +288,68 @@ def moved(operation: Operation, layout: Layout) -> Sum | Map:
     raise TypeError(message)
 
 
-def matrices(stages: Sequence[Stage], layout: Layout, sigmoid: float) -> list[FloatArray]:
-    """G of every stage, shape (n_elements + 1, k); its last row is zero, and finds what is not finite.
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """Outputs of the circuit as `clip(matrix s, low, high)`, s being the numbers as they stand.
 
-    It multiplies the first k places. Arguments of sigmoids come out with the sign `sigmoid`.
+    Attributes:
+        matrix: Shape (n_outputs, count).
+        low: Lower limits, shape (n_outputs, 1).
+        high: Upper limits, shape (n_outputs, 1).
+    """
+
+    matrix: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def make_readout(operations: Sequence[Operation], layout: Layout) -> Readout | None:
+    """The outputs of the circuit as one product; None if they are something else."""
+    rows = np.zeros((layout.count, layout.count))
+    limits = np.tile([-np.inf, np.inf], (layout.count, 1))
+    for operation in operations:
+        found = moved(operation, layout)
+        if isinstance(found, Sum):
+            weights = np.broadcast_to(found.weights, found.sources.shape)
+            targets = np.repeat(np.arange(found.start, found.stop), np.diff(found.indptr))
+            np.add.at(rows, (targets, found.sources), weights)
+        elif not _accumulate(found, rows, limits):
+            return None
+    part = slice(*layout.readouts)
+    return Readout(rows[part], limits[part, :1], limits[part, 1:])
+
+
+def _accumulate(operation: Map, rows: FloatArray, limits: FloatArray) -> bool:
+    """Put the rows and limits of `clip(keep before + sum, low, high)` into their places."""
+    ((target, expression),) = operation.results
+    part = slice(target, target + operation.count)
+    constants = {n: np.broadcast_to(v, (operation.count,)) for n, v in operation.constants.items()}
+    match expression:
+        case Call("min", (Call("max", (inside, Name(low))), Name(high))):
+            limits[part, 0], limits[part, 1] = constants[low], constants[high]
+            expression = inside
+    match expression:
+        case Binary("+", Binary("*", Name(keep), Name(before)), Name(total)):
+            places = np.arange(operation.count)
+            rows[target + places] = rows[operation.rows[total] + places]
+            rows[target + places, operation.rows[before] + places] += constants[keep]
+            return True
+        case Name(total):
+            rows[part] = rows[operation.rows[total] : operation.rows[total] + operation.count]
+            return True
+    return False
+
+
+def matrices(stages: Sequence[Stage], layout: Layout, sigmoid: float) -> list[FloatArray]:
+    """G of every stage, shape (n_elements, k): it multiplies the first k places.
+
+    The last one has a row of zeros more, and all places: what is not finite makes this row not a number.
+    Arguments of sigmoids come out with the sign `sigmoid`.
     """
     found = []
-    for stage, elements in zip(stages, layout.elements, strict=True):
-        matrix = np.zeros((len(elements) + 1, layout.count))
+    for number, (stage, elements) in enumerate(zip(stages, layout.elements, strict=True)):
+        is_last = number == len(stages) - 1
+        matrix = np.zeros((len(elements) + is_last, layout.count))
         for i, element in enumerate(elements):
             matrix[i, 0] = element.constant
             for row, weight in stage.terms[element.row]:
@@ -302,5 +357,6 @@ def matrices(stages: Sequence[Stage], layout: Layout, sigmoid: float) -> list[Fl
             if element.function == "sigmoid":
                 matrix[i] *= sigmoid
         used = int(np.flatnonzero(matrix.any(axis=0)).max(initial=0)) + 1
+        used = max(used, layout.readouts[0]) if is_last else used
         found.append(np.ascontiguousarray(matrix[:, :used]))
     return found

@@ -18,6 +18,7 @@ from circuitkit.engine.backends.dense_plan import (
     Stage,
     dense_stages,
     make_layout,
+    make_readout,
     matrices,
     moved,
 )
@@ -157,7 +158,8 @@ class DenseKernel:
                 code.call(*_function_call(function, given, result))
             for target, joint, first, second in self._layout.joints[number]:
                 code.lines.append(f"m[{target}] = m[{first}] {joint} m[{second}]")
-            code.checks.append(f"{code.bind(memoryview(x))}[{len(x) - 1}] == 0.0")
+            if number == len(self._stages) - 1:
+                code.checks.append(f"{code.bind(memoryview(x))}[{len(x) - 1}] == 0.0")
         if not self._layout.is_bounded:
             code.checks.append("is_finite()")
 
@@ -182,7 +184,8 @@ class DenseKernel:
                 if name.startswith("o"):
                     self._numbers[place] = names[name]
             for number, x in enumerate(self._arguments):
-                x[:-1, 0] = [names[f"x{number}_{i}"] for i in range(len(x) - 1)]
+                n = len(self._layout.elements[number])
+                x[:n, 0] = [names[f"x{number}_{i}"] for i in range(n)]
 
     def _push(self) -> None:
         """Let straight code begin with what stands in the arrays."""
@@ -199,17 +202,24 @@ class DenseKernel:
     def _blocked(self) -> Callable[[], bool]:
         """The step of a batch, block after block."""
         calls: list[Callable[[], object]] = []
-        for begin in range(0, self.batch, _BLOCK):
+        for begin in range(0, self.batch, _BLOCK) if self.batch > _BLOCK else ():
             members = slice(begin, min(begin + _BLOCK, self.batch))
             calls += self._block(self._numbers[:, members], [x[:, members] for x in self._arguments])
-        ends = [x[-1] for x in self._arguments]
-        checked = [*ends, self._readout] if self._layout.is_bounded else [*ends, self._numbers]
+        if self.batch <= _BLOCK:
+            calls = self._block(self._numbers, self._arguments)
+        checked = [self._readout, self._arguments[-1][-1]]
+        if not self._layout.is_bounded:
+            checked.append(self._numbers)
+        # Zero times a number is zero, or not a number if the number is not finite.
+        sums = [
+            partial(np.zeros(each.size, each.dtype).dot, each.reshape(-1)) for each in checked if each.size
+        ]
 
         def advance() -> bool:
             for call in calls:
                 call()
             self._time += 1
-            return all(map(_is_finite, checked))
+            return all(each() == 0.0 for each in sums)
 
         return advance
 
@@ -220,7 +230,7 @@ class DenseKernel:
         for stage, matrix, x, functions, joints in parts:
             for source, target in stage.copies:
                 calls.append(partial(np.copyto, numbers[layout.place[target]], numbers[layout.place[source]]))
-            calls.append(partial(np.matmul, matrix, numbers[: matrix.shape[1]], x))
+            calls.append(_product(matrix, numbers[: matrix.shape[1]], x))
             start = 0
             for function, begin, end in functions:
                 given, result = x[start : start + end - begin], numbers[begin:end]
@@ -229,10 +239,28 @@ class DenseKernel:
             for target, joint, first, second in joints:
                 ufunc = {"*": np.multiply, "+": np.add, "-": np.subtract}[joint]
                 calls.append(partial(ufunc, numbers[first], numbers[second], numbers[target]))
-        work = Workspace(numbers)
-        for operation in self._program.after:
-            calls += bind_operation(moved(operation, layout), work, in_substeps=False)
-        return calls
+        return calls + self._read_out(numbers)
+
+    def _read_out(self, numbers: FloatArray) -> list[Callable[[], object]]:
+        readout = make_readout(self._program.after, self._layout)
+        if readout is None:
+            work = Workspace(numbers)
+            operations = [moved(operation, self._layout) for operation in self._program.after]
+            return [call for each in operations for call in bind_operation(each, work, in_substeps=False)]
+        if not len(readout.matrix):
+            return []
+        number = numbers.dtype
+        summed = np.empty((len(readout.matrix), numbers.shape[1]), dtype=number)
+        product = _product(readout.matrix.astype(number), numbers, summed)
+        low, high = (
+            np.array(np.broadcast_to(limit, summed.shape), dtype=number)
+            for limit in (readout.low, readout.high)
+        )
+        return [
+            product,
+            partial(np.maximum, summed, low, out=summed),
+            partial(np.minimum, summed, high, out=numbers[slice(*self._layout.readouts)]),
+        ]
 
     # --- states -------------------------------------------------------------------------------------------
 
@@ -305,6 +333,13 @@ class Activations:
             activation[:, columns] = ((x[rows] - constants) / gains).T
 
 
+def _product(matrix: FloatArray, numbers: FloatArray, result: FloatArray) -> Callable[[], object]:
+    """The call for `matrix @ numbers`; the method is quicker, where the result is contiguous."""
+    if result.flags.c_contiguous:
+        return partial(matrix.dot, numbers, result)
+    return partial(np.matmul, matrix, numbers, result)
+
+
 def _function_call(function: str, x: FloatArray, result: FloatArray) -> tuple[object, ...]:
     """One call that does a function; its parts."""
     match function:
@@ -324,7 +359,9 @@ def _function_calls(
 ) -> list[Callable[[], object]]:
     """Calls that do a function for a batch; 1 / (1 + exp(x)) by numpy's vectorised exp if x is mirrored."""
     if function == "sigmoid" and mirrored:
-        one = np.ones((1, 1), dtype=x.dtype)
+        one = np.ones((), dtype=x.dtype)
+        if x.flags.c_contiguous and result.flags.c_contiguous:
+            x, result = x.reshape(-1), result.reshape(-1)  # with one axis there is less to find out
         return [
             partial(np.exp, x, result),
             partial(np.add, result, one, result),
