@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -23,13 +24,16 @@ from typing import Any
 import numpy as np
 
 from benchmarks.bench_sparse import SHIFT, SLOPE, by_hand, checked, sparse_circuit, steps
-from benchmarks.plain import INPUTS, FloatArray, PlainBinn, binn, compiled_binn, loop, steps_of
-from circuitkit.engine import run
+from benchmarks.plain import INPUTS, FloatArray, PlainBinn, binn, compiled_binn, loop, steps_of, threads
+from circuitkit.circuit import load_circuit, resolve
+from circuitkit.engine import compile_circuit, run
 from circuitkit.study.bench import AnyCase, AnyWork, Case, LeftOutError, Timed
 
 _SETTLED = 20  # steps, after which nothing changes any more
 _INSIDE = 2_000  # steps of ours in one call
 _BRIAN_STEPS = 200_000
+_BALANCED_SUBSTEPS = 400
+_EXCITATORY = 80_000  # neurons of the balanced network
 _SPARSE_STEPS = {1_000: 20_000, 10_000: 2_000, 100_000: 200}
 
 
@@ -49,6 +53,15 @@ def cases() -> tuple[AnyCase, ...]:
                 0.5,
             )
             for size in _SPARSE_STEPS
+        ),
+        *(
+            Case(
+                f"compiled: the balanced network, {cores} core{'s' * (cores > 1)}, against Brian2",
+                "Brian2 standalone C++, 100 000 spiking neurons, a substep",
+                _brian_balanced(cores),
+                0.5,
+            )
+            for cores in (1, 2)
         ),
     )
 
@@ -124,12 +137,12 @@ def _pyrates() -> tuple[AnyWork, AnyWork]:
         ]
     circuit = pyrates.CircuitTemplate(name="binn", path=None, nodes=nodes, edges=edges)
     with contextlib.chdir(_scratch()):  # it writes the function to a file
-        function, (time, v, *rest), _, _ = circuit.get_run_func(
+        function, (t, v, *rest), _, _ = circuit.get_run_func(
             "step", step_size=1.0, vectorize=True, float_precision="float64", verbose=False
         )
 
     def step() -> None:
-        v.__iadd__(function(time, v, *rest))
+        v.__iadd__(function(t, v, *rest))
 
     for _ in range(_SETTLED + 1):
         step()
@@ -170,7 +183,8 @@ def _inside_run() -> Callable[[], object]:
 def _brian_binn() -> tuple[AnyWork, AnyWork]:
     plain = PlainBinn(binn())
     sources, targets = np.nonzero(plain.weights[:, 2:].T)
-    seconds, outputs = _standalone(
+    seconds, results = _standalone(
+        "brian_standalone.py",
         sources=sources,
         targets=targets,
         weights=plain.weights[targets, 2 + sources],
@@ -179,7 +193,7 @@ def _brian_binn() -> tuple[AnyWork, AnyWork]:
         drive=plain.weights[:, :2] @ INPUTS,
         steps=_BRIAN_STEPS,
     )
-    _require_settled(outputs, plain)
+    _require_settled(results("o"), plain)
     return _inside_run(), Timed(lambda: seconds() / _BRIAN_STEPS * _INSIDE)
 
 
@@ -189,7 +203,8 @@ def _brian_sparse(size: int) -> Callable[[], tuple[AnyWork, AnyWork]]:
         graph = sparse_circuit(size)
         (projection,) = graph.projections
         times = _SPARSE_STEPS[size]
-        seconds, outputs = _standalone(
+        seconds, results = _standalone(
+            "brian_standalone.py",
             sources=projection.sources,
             targets=np.repeat(np.arange(size), np.diff(projection.indptr)),
             weights=np.broadcast_to(projection.weights, projection.sources.shape),
@@ -201,23 +216,65 @@ def _brian_sparse(size: int) -> Callable[[], tuple[AnyWork, AnyWork]]:
         step, expected = by_hand(graph)
         for _ in range(times):
             step()
-        np.testing.assert_allclose(outputs, expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(results("o"), expected, rtol=0, atol=1e-9)
         return steps(checked(graph, "compiled", 1), 1), Timed(lambda: seconds() / times)
 
     return prepare
 
 
-def _standalone(**circuit: object) -> tuple[Callable[[], float], FloatArray]:
-    """What runs a program made by Brian2 and says how long it took after its start, and the last outputs."""
+def _brian_balanced(cores: int) -> Callable[[], tuple[AnyWork, AnyWork]]:
+    def prepare() -> tuple[AnyWork, AnyWork]:
+        _peer("Brian2", "brian2")
+        graph = resolve(load_circuit("balanced_network"))
+        program = compile_circuit(graph, backend="compiled", reproducible=False)
+        first = dict(zip((each.name for each in graph.populations), (0, _EXCITATORY), strict=True))
+        pairs: dict[str, list[FloatArray]] = {"excitatory": [], "inhibitory": []}
+        weights = {projection.kind: float(projection.weights) for projection in graph.projections}
+        for projection in graph.projections:
+            targets = np.repeat(np.arange(len(projection.indptr) - 1), np.diff(projection.indptr))
+            pairs[projection.kind].append(
+                np.stack([first[projection.source] + projection.sources, first[projection.target] + targets])
+            )
+        seconds, results = _standalone(
+            "brian_balanced.py",
+            **{kind: np.concatenate(found, axis=1) for kind, found in pairs.items()},
+            weights=[weights[kind] for kind in pairs],
+            v=np.concatenate([population.initial["v"] for population in graph.populations]),
+            substeps=_BALANCED_SUBSTEPS,
+        )
+        with threads(cores):
+            stepper = program.stepper(1)
+        control_steps = _BALANCED_SUBSTEPS // graph.substeps
+        spikes = sum(float(stepper.step(np.zeros((1, 0)))[0, 0]) for _ in range(control_steps))
+        # What one does is the other's to the last bits, which soon make other spikes, but as many of them.
+        np.testing.assert_allclose(spikes, results("spikes")[:_EXCITATORY].mean(), rtol=0.01)
+
+        def substeps() -> float:
+            begin = time.perf_counter()
+            for _ in range(control_steps):
+                stepper.step()
+            return (time.perf_counter() - begin) / _BALANCED_SUBSTEPS
+
+        return Timed(substeps), Timed(lambda: seconds() / _BALANCED_SUBSTEPS)
+
+    return prepare
+
+
+def _standalone(script: str, **circuit: object) -> tuple[Callable[[], float], Callable[[str], FloatArray]]:
+    """A program made by Brian2.
+
+    Returns:
+        What runs it and says how long it took after its start, [s]; what gives a variable's last values.
+    """
     _peer("Brian2", "brian2")
     folder = _scratch()
     np.savez(folder / "circuit.npz", **circuit)
-    script = Path(__file__).with_name("brian_standalone.py")
+    path = Path(__file__).with_name(script)
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    arguments = [str(folder / "circuit.npz"), str(folder / "made")]
-    built = subprocess.run([sys.executable, "-W", "ignore", str(script), *arguments], check=False, **quiet)
+    arguments = [str(path), str(folder / "circuit.npz"), str(folder / "made")]
+    built = subprocess.run([sys.executable, "-W", "ignore", *arguments], check=False, **quiet)
     if built.returncode:
-        message = f"Brian2 could not build its program: python {script} {' '.join(arguments)}"
+        message = f"Brian2 could not build its program: python {' '.join(arguments)}"
         raise LeftOutError(message)
     results = folder / "made" / "results"
 
@@ -225,9 +282,12 @@ def _standalone(**circuit: object) -> tuple[Callable[[], float], FloatArray]:
         subprocess.run(["./main"], cwd=folder / "made", check=True, **quiet)
         return float((results / "last_run_info.txt").read_text().split()[0])
 
+    def values(name: str) -> FloatArray:
+        (file,) = results.glob(f"_array_neurongroup_{name}_*")
+        return np.fromfile(file)
+
     seconds()
-    (outputs,) = results.glob("_array_neurongroup_o_*")
-    return seconds, np.fromfile(outputs)
+    return seconds, values
 
 
 def _annarchy() -> tuple[AnyWork, AnyWork]:
