@@ -8,12 +8,22 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from circuitkit.circuit.graph import CircuitGraph, Neuron, OutputNode, Population, Projection, Synapse
+from circuitkit.circuit.flat import weight_unit
+from circuitkit.circuit.graph import (
+    CircuitGraph,
+    Neuron,
+    OutputNode,
+    PerMember,
+    Population,
+    Projection,
+    Synapse,
+)
 from circuitkit.circuit.models import NeuronModel, SynapseModel
 from circuitkit.circuit.neurons import shown_unit
 from circuitkit.units import DIMENSIONLESS, Unit, format_quantity, parse_unit
 
 Fields: TypeAlias = "dict[str, tuple[Any, Unit | None]]"  # a value, and the unit in which it is shown
+_TINY = 1e-3
 _MILLISECONDS, _PERCENT = parse_unit("ms"), parse_unit("%")
 
 
@@ -94,12 +104,24 @@ def value_text(value: Any, unit: Unit | None, digits: int = 6) -> str:  # noqa: 
     return format_quantity(float(value), unit, digits)
 
 
+def weight_text(graph: CircuitGraph, edge: Synapse | Projection, weights: PerMember) -> str:
+    """Weights of a synapse or projection in SI units, or in the target's if they are tiny otherwise."""
+    unit = weight_unit(graph, edge)
+    largest = abs(weights) if isinstance(weights, float | int) else float(abs(weights).max(initial=0.0))
+    target = next(each for each in _neurons(graph) if each.name == _node_of(edge.target)).activation_unit
+    is_tiny = 0 < largest < _TINY and target.dimension == unit.dimension
+    return value_text(weights, target if is_tiny else unit)
+
+
+def _neurons(graph: CircuitGraph) -> tuple[Neuron | Population, ...]:
+    return (*graph.neurons, *graph.populations)
+
+
 def _models(graph: CircuitGraph) -> Iterable[NeuronModel | SynapseModel]:
     """The models that the circuit uses, each once."""
-    nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     edges: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     found: dict[tuple[str, str], NeuronModel | SynapseModel] = {}
-    for node in nodes:
+    for node in _neurons(graph):
         found.setdefault(("neuron", node.model.name), node.model)
     for edge in edges:
         found.setdefault(("synapse", edge.model.name), edge.model)
@@ -169,8 +191,7 @@ def _output_fields(output: OutputNode) -> Fields:
 
 def _edges(graph: CircuitGraph, called: Callable[[str], str]) -> Iterator[Element]:
     units = {node.name: node.unit for node in graph.inputs}
-    neurons: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
-    units |= {node.name: node.activation_unit for node in neurons}
+    units |= {node.name: node.activation_unit for node in _neurons(graph)}
     inputs = frozenset(node.name for node in graph.inputs)
     seen: Counter[tuple[str, str, str]] = Counter()
     edges: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from circuitkit.circuit.elements import neuron_fields, value_text
-from circuitkit.circuit.flat import weight_unit
+from circuitkit.circuit.elements import neuron_fields, value_text, weight_text
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,
@@ -164,13 +163,13 @@ class _Ends:
 
     def single(self, synapse: Synapse, other: str) -> Connection:
         """A synapse."""
-        weight = value_text(synapse.weight, weight_unit(self.graph, synapse))
+        weight = weight_text(self.graph, synapse, synapse.weight)
         model, delay = synapse.model.name, synapse.delay_s
         return Connection(other, synapse.kind, 1, weight, model, delay, synapse.gate, synapse.origin)
 
     def many(self, each: Projection, other: str, count: int, weights: PerMember) -> Connection:
         """The synapses of a projection."""
-        text = value_text(weights, weight_unit(self.graph, each)) if count else ""
+        text = weight_text(self.graph, each, weights) if count else ""
         return Connection(
             other, each.kind, count, text, each.model.name, each.delay_s, each.gate, each.origin
         )

@@ -107,28 +107,31 @@ def format_text(text: str, path: str = "<text>") -> str:
     Raises:
         InputError: With every error of the text.
     """
-    data = _sound_data(text, path)
+    data, spec = _read(text, path)
     tree = read_commented(text)
     _Orderer(data).order(tree)
     result = write_commented(tree, WIDTH)
-    _check(text, result, path)
+    if result != text and not _means_the_same(result, tree, data, spec, path):
+        message = (
+            f"{path}: the normal form would not mean the same, so the file is left as it is; please report"
+        )
+        raise FormatError(message)
     return result
 
 
-def _sound_data(text: str, path: str) -> dict[str, Data]:
-    """The data of a text without errors; what has no name is a file for others to include."""
+def _read(text: str, path: str) -> tuple[dict[str, Data], CircuitSpec | None]:
+    """The data of a text without errors, and its circuit; a text without a name is for others to include."""
     document, problems = scan_text(text, path)
     if document is None or problems:
         raise InputError(*problems)
     data = document.data
-    if not isinstance(data, dict):
-        problems = [finding.problem for finding in model_problems(document, CircuitSpec, data)[1]]
-        raise InputError(*problems)
-    if "circuit" in data:
-        parse_circuit(text, path)
-    elif findings := model_problems(document, FileSpec, data)[1]:
+    if isinstance(data, dict) and "circuit" in data:
+        return data, parse_circuit(text, path)
+    model = FileSpec if isinstance(data, dict) else CircuitSpec
+    findings = model_problems(document, model, data)[1]
+    if findings or not isinstance(data, dict):
         raise InputError(*(finding.problem for finding in findings))
-    return data
+    return data, None
 
 
 class _Orderer:
@@ -231,23 +234,12 @@ def _below(node: Collection) -> Iterator[Entry]:
             yield from _below(entry.value)
 
 
-def _check(before: str, after: str, path: str) -> None:
-    """Refuse a text that does not mean the same, or has lost a comment.
-
-    Raises:
-        FormatError: It does.
-    """
-    old, new = (parse_yaml(text, path).data for text in (before, after))
-    comments = [sorted(read_commented(text).comments) for text in (before, after)]
-    same = comments[0] == comments[1] and _alike(old, new)
-    if same and isinstance(old, dict) and "circuit" in old:
-        graphs = [resolve(parse_circuit(text, path)) for text in (before, after)]
-        same = not compare_circuits(*graphs)
-    if not same:
-        message = (
-            f"{path}: the normal form would not mean the same, so the file is left as it is; please report"
-        )
-        raise FormatError(message)
+def _means_the_same(after: str, tree: CommentedText, data: Data, spec: CircuitSpec | None, path: str) -> bool:
+    """Whether a new text has the data, the comments and the circuit of the old one."""
+    comments = read_commented(after).comments
+    if sorted(comments) != sorted(tree.comments) or not _alike(data, parse_yaml(after, path).data):
+        return False
+    return spec is None or not compare_circuits(resolve(spec), resolve(parse_circuit(after, path)))
 
 
 def _alike(one: Data, other: Data) -> bool:

@@ -130,16 +130,9 @@ def _print_tables(graph: CircuitGraph) -> None:
 
 def _print_edges(title: str, graph: CircuitGraph, edges: Sequence[Synapse | Projection]) -> None:
     """A table of synapses or projections; columns in which nothing stands are left out."""
-    from circuitkit.circuit.elements import value_text
-    from circuitkit.circuit.flat import weight_unit
 
     def weight(edge: Any) -> str:  # noqa: ANN401 - either of the two
-        return value_text(
-            getattr(edge, "weights", None) if title == "projections" else edge.weight, unit(edge)
-        )
-
-    def unit(edge: Any) -> Any:  # noqa: ANN401 - as above
-        return weight_unit(graph, edge)
+        return weight_text(graph, edge, edge.weights if title == "projections" else edge.weight)
 
     columns: dict[str, Callable[[Any], str]] = {
         "from": lambda edge: str(edge.source),
