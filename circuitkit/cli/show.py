@@ -130,6 +130,7 @@ def _print_tables(graph: CircuitGraph) -> None:
 
 def _print_edges(title: str, graph: CircuitGraph, edges: Sequence[Synapse | Projection]) -> None:
     """A table of synapses or projections; columns in which nothing stands are left out."""
+    from circuitkit.circuit.elements import weight_text
 
     def weight(edge: Any) -> str:  # noqa: ANN401 - either of the two
         return weight_text(graph, edge, edge.weights if title == "projections" else edge.weight)
