@@ -35,7 +35,9 @@ class Dimension(NamedTuple):
 
     @property
     def si_symbol(self) -> str:
-        """The SI unit of this dimension, such as `m/s` or `/m`; `1` if dimensionless."""
+        """The SI unit of this dimension, such as `m/s`, `/m` or `S`; `1` if dimensionless."""
+        if self in _NAMED:
+            return _NAMED[self][0]
         text = _fraction_text(self, ("m", "kg", "s", "rad", "A", "K"))
         return text.removeprefix("1") if any(self) else "1"
 
@@ -45,10 +47,20 @@ class Dimension(NamedTuple):
         return Unit(self.si_symbol, Fraction(1), self)
 
     def __str__(self) -> str:
+        if self in _NAMED:
+            return _NAMED[self][1]
         return _fraction_text(self, self._fields) if any(self) else "dimensionless"
 
 
 _NO_DIMENSION = Dimension()
+# Those that are better known by a name of their own than by base units.
+_NAMED = {
+    Dimension(length=1, mass=1, time=-2): ("N", "force"),
+    Dimension(length=2, mass=1, time=-3, current=-1): ("V", "voltage"),
+    Dimension(length=2, mass=1, time=-3, current=-2): ("ohm", "resistance"),
+    Dimension(length=-2, mass=-1, time=3, current=2): ("S", "conductance"),
+    Dimension(length=-2, mass=-1, time=4, current=2): ("F", "capacitance"),
+}
 
 
 def _fraction_text(exponents: tuple[int, ...], names: tuple[str, ...]) -> str:

@@ -148,6 +148,8 @@ def test_the_si_symbol_of_a_dimension_has_this_dimension(dimension):
         (Dimension(length=1, time=-2), "length/time^2"),
         (Dimension(length=-1), "1/length"),
         (Dimension(mass=1, length=2, time=-1, angle=-1), "length^2*mass/time/angle"),
+        (parse_unit("mV").dimension, "voltage"),
+        (parse_unit("nS").dimension, "conductance"),
     ],
 )
 def test_dimensions_have_words(dimension, words):

@@ -2,49 +2,79 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from circuitkit.circuit import check, circuit_schema
-from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
+from circuitkit.circuit.expression import SCALAR_FUNCTIONS
+from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
+from circuitkit.engine import compile_circuit, run
 from circuitkit.units import UNIT_SYMBOLS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text(encoding="utf-8")
-(EXAMPLE,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+EXAMPLES = {
+    text.splitlines()[0].removeprefix("# "): text
+    for text in re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+}
 (MESSAGES,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
 
 
-def test_the_example_is_valid(tmp_path):
-    (tmp_path / "my.yaml").write_text(EXAMPLE, encoding="utf-8")
-    assert check(tmp_path / "my.yaml") == ((), ())
-
-
-def test_the_messages_are_the_real_ones(tmp_path, monkeypatch):
+@pytest.fixture(autouse=True)
+def _examples_as_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    wrong = EXAMPLE.replace("slope: 500", "slope: 500 /m").replace("from: zmp_y", "from: zmp")
-    Path("my.yaml").write_text(wrong, encoding="utf-8")
-    assert "".join(f"{error}\n" for error in check("my.yaml")[0]) == MESSAGES
+    for name, text in EXAMPLES.items():
+        Path(name).write_text(text, encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_examples_are_valid_and_run(name):
+    assert check(name) == ((), ())
+    program = compile_circuit(name)
+    trace = run(program, np.full((50, 1, len(program.input_names)), 0.1))
+    assert np.isfinite(trace.readout).all()
+
+
+def test_the_instances_of_the_example_mirror_each_other():
+    """1 cm beyond the left edge, and 1 cm beyond the right one: the same output, each on its side."""
+    program = compile_circuit("two_edges.yaml")
+    trace = run(program, np.array([[[0.09, 0.0]], [[-0.08, 0.0]]]))
+    left, right = (trace.neuron_names.index(f"{side}.edge_passed") for side in ("left", "right"))
+    assert trace.output[0, 0, left] == pytest.approx(trace.output[1, 0, right], rel=1e-12)
+    assert trace.output[0, 0, left] == pytest.approx(1 / (1 + math.exp(-1)), rel=1e-9)
+
+
+def test_the_messages_are_the_real_ones():
+    good = EXAMPLES["edge_reflex.yaml"]
+    wrong = good.replace("slope: 500", "slope: 500 /m").replace("from: zmp_y", "from: zmp")
+    Path("edge_reflex.yaml").write_text(wrong, encoding="utf-8")
+    assert "".join(f"{error}\n" for error in check("edge_reflex.yaml")[0]) == MESSAGES
 
 
 def test_every_key_is_explained():
     schema = circuit_schema()
     keys = set(schema["properties"])
-    for name in ("InputSpec", "NeuronSpec", "SynapseSpec", "OutputSpec", "IntegrateSpec"):
-        keys |= set(schema["$defs"][name]["properties"])
-    assert [
-        key for key in sorted(keys) if f"`{key}`" not in PAGE and f"`{key}: " not in PAGE and key != "leak"
-    ] == []
+    for name, entry in schema["$defs"].items():
+        keys |= set(entry.get("properties", {})) if name.endswith("Spec") else set()
+    written = re.compile(r"`\{?(\w+)(?:`|: )")
+    assert keys - {"leak"} <= set(written.findall(PAGE))
 
 
-MEMORYLESS = [name for name in NEURON_MODEL_NAMES if not neuron_model(name).states]
+@pytest.mark.parametrize(
+    ("names", "model"), [(NEURON_MODEL_NAMES, neuron_model), (SYNAPSE_MODEL_NAMES, synapse_model)]
+)
+def test_every_model_is_explained_with_its_parameters(names, model):
+    rows = [re.findall(r"`(\w+)`", line) for line in PAGE.splitlines() if line.startswith("| `")]
+    for name in names:
+        assert [name, *model(name).parameter_names] in rows
 
 
-@pytest.mark.parametrize("name", MEMORYLESS)
-def test_every_model_is_explained_with_its_parameters(name):
-    (row,) = [line for line in PAGE.splitlines() if line.startswith(f"| `{name}` |")]
-    assert re.findall(r"`(\w+)`", row)[1:] == list(neuron_model(name).parameter_names)
+def test_every_function_of_expressions_is_listed():
+    listed = re.search(r"functions `(.*?)`", PAGE)[1].split()
+    assert sorted(listed) == sorted(SCALAR_FUNCTIONS)
 
 
 def test_every_unit_is_listed():

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 import strategies
 from hypothesis import given, settings
 
+from circuitkit import circuit
 from circuitkit.circuit import circuit_schema
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.circuit.spec import CircuitSpec
 from circuitkit.source import data_folder, read_yaml, shipped_names
 
+PACKAGE = Path(circuit.__file__).parent
 SCHEMA = circuit_schema()
 TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "null": type(None)}
 
@@ -112,6 +115,11 @@ def test_the_keys_are_those_of_the_file():
 @pytest.mark.parametrize("name", shipped_names("circuits"))
 def test_shipped_circuits_fit(name):
     assert accepts(read_yaml(data_folder("circuits") / f"{name}.yaml").data, SCHEMA)
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "starters").glob("*.yaml")), ids=lambda path: path.stem)
+def test_starters_fit(path):
+    assert accepts(read_yaml(path).data, SCHEMA)
 
 
 @given(strategies.circuit_data())
