@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from circuitkit.circuit.flat import weight_unit
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,
@@ -104,13 +103,25 @@ def value_text(value: Any, unit: Unit | None, digits: int = 6) -> str:  # noqa: 
     return format_quantity(float(value), unit, digits)
 
 
-def weight_text(graph: CircuitGraph, edge: Synapse | Projection, weights: PerMember) -> str:
-    """Weights of a synapse or projection in SI units, or in the target's if they are tiny otherwise."""
-    unit = weight_unit(graph, edge)
-    largest = abs(weights) if isinstance(weights, float | int) else float(abs(weights).max(initial=0.0))
-    target = next(each for each in _neurons(graph) if each.name == _node_of(edge.target)).activation_unit
-    is_tiny = 0 < largest < _TINY and target.dimension == unit.dimension
-    return value_text(weights, target if is_tiny else unit)
+class Weights:
+    """The weights of a circuit as texts."""
+
+    def __init__(self, graph: CircuitGraph) -> None:
+        self._inputs = {node.name: node.unit for node in graph.inputs}
+        self._activation = {node.name: node.activation_unit for node in _neurons(graph)}
+
+    def ends(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
+        """The units of the target's activation and of the source."""
+        source = self._inputs.get(edge.source, DIMENSIONLESS)
+        return self._activation[_node_of(edge.target)], source
+
+    def text(self, edge: Synapse | Projection, weights: PerMember) -> str:
+        """Weights in SI units, or in the target's if they are tiny otherwise."""
+        target, source = self.ends(edge)
+        unit = edge.model.weight.dimension(target.dimension, source.dimension).si_unit
+        largest = abs(weights) if isinstance(weights, float | int) else float(abs(weights).max(initial=0.0))
+        is_tiny = 0 < largest < _TINY and target.dimension == unit.dimension
+        return value_text(weights, target if is_tiny else unit)
 
 
 def _neurons(graph: CircuitGraph) -> tuple[Neuron | Population, ...]:
@@ -190,16 +201,13 @@ def _output_fields(output: OutputNode) -> Fields:
 
 
 def _edges(graph: CircuitGraph, called: Callable[[str], str]) -> Iterator[Element]:
-    units = {node.name: node.unit for node in graph.inputs}
-    units |= {node.name: node.activation_unit for node in _neurons(graph)}
-    inputs = frozenset(node.name for node in graph.inputs)
+    weights = Weights(graph)
     seen: Counter[tuple[str, str, str]] = Counter()
     edges: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for edge in edges:
         kind = "synapse" if isinstance(edge, Synapse) else "projection"
         ends = called(edge.source), called(edge.target)
-        source = units[edge.source] if edge.source in inputs else DIMENSIONLESS
-        fields = _edge_fields(edge, units[_node_of(edge.target)], source)
+        fields = _edge_fields(edge, *weights.ends(edge))
         if edge.gate:
             fields["gate"] = (called(edge.gate), None)
         seen[kind, *ends] += 1

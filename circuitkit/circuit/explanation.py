@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from circuitkit.circuit.elements import neuron_fields, value_text, weight_text
+from circuitkit.circuit.elements import Weights, neuron_fields, value_text
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,
@@ -124,6 +124,7 @@ class _Ends:
 
     def __init__(self, graph: CircuitGraph, base: str, name: str, index: int | None) -> None:
         self.graph, self.base, self.name, self.index = graph, base, name, index
+        self.weights = Weights(graph)
 
     def incoming(self) -> Iterator[Connection]:
         """What leads to it."""
@@ -163,13 +164,13 @@ class _Ends:
 
     def single(self, synapse: Synapse, other: str) -> Connection:
         """A synapse."""
-        weight = weight_text(self.graph, synapse, synapse.weight)
+        weight = self.weights.text(synapse, synapse.weight)
         model, delay = synapse.model.name, synapse.delay_s
         return Connection(other, synapse.kind, 1, weight, model, delay, synapse.gate, synapse.origin)
 
     def many(self, each: Projection, other: str, count: int, weights: PerMember) -> Connection:
         """The synapses of a projection."""
-        text = weight_text(self.graph, each, weights) if count else ""
+        text = self.weights.text(each, weights) if count else ""
         return Connection(
             other, each.kind, count, text, each.model.name, each.delay_s, each.gate, each.origin
         )

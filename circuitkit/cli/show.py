@@ -130,10 +130,12 @@ def _print_tables(graph: CircuitGraph) -> None:
 
 def _print_edges(title: str, graph: CircuitGraph, edges: Sequence[Synapse | Projection]) -> None:
     """A table of synapses or projections; columns in which nothing stands are left out."""
-    from circuitkit.circuit.elements import weight_text
+    from circuitkit.circuit.elements import Weights
+
+    weights = Weights(graph)
 
     def weight(edge: Any) -> str:  # noqa: ANN401 - either of the two
-        return weight_text(graph, edge, edge.weights if title == "projections" else edge.weight)
+        return weights.text(edge, edge.weights if title == "projections" else edge.weight)
 
     columns: dict[str, Callable[[Any], str]] = {
         "from": lambda edge: str(edge.source),
