@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from circuitkit.draw.layers import make_layers
+from circuitkit.draw.layers import directed_links
 from circuitkit.draw.network import Network, Node
 from circuitkit.draw.style import FONT, GREY, KIND_COLOUR, NORMAL, ROLE_FILL, SMALL
 
@@ -30,7 +30,7 @@ def dot_text(network: Network) -> str:
             head = f"  subgraph {_quoted(f'cluster_{group}')} {{"
             inside = [head, f"    label={_quoted(group)};", *(f"  {line}" for line in inside), "  }"]
         lines += inside
-    for link in make_layers(network).links:
+    for link in directed_links(network):
         attributes = {"color": KIND_COLOUR[link.kind], "arrowhead": _HEAD[link.kind]}
         if link.label:
             attributes["label"] = link.label

@@ -70,6 +70,12 @@ def make_layers(network: Network) -> Layers:
     return Layers(tuple(tuple(layer) for layer in order), layer_of, links, bands)
 
 
+def directed_links(network: Network) -> tuple[Link, ...]:
+    """The links, with which of them go back, where nobody needs the order in the layers."""
+    layer_of = _layer_of(network)
+    return tuple(_directed(link, layer_of) for link in network.links)
+
+
 def _directed(link: Link, layer_of: Mapping[str, int]) -> Link:
     backward = link.kind != "readout" and layer_of[link.source] >= layer_of[link.target]
     return replace(link, backward=backward)

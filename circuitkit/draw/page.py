@@ -6,7 +6,7 @@ import html
 import re
 from collections.abc import Mapping
 
-from circuitkit.draw.layers import make_layers
+from circuitkit.draw.layers import directed_links
 from circuitkit.draw.marks import line_ids, node_id
 from circuitkit.draw.network import Network
 
@@ -59,7 +59,7 @@ for (const mark of marks) {{
 def tooltips(network: Network) -> dict[str, tuple[str, str]]:
     """For every node and line its ends (names, joined by a space) and its details, by its identifier."""
     found = {node_id(node.name): (node.name, node.details) for node in network.nodes}
-    for link in make_layers(network).links:
+    for link in directed_links(network):
         way = ", goes back in a cycle" if link.backward else ""
         head, _, rest = link.details.partition("\n")
         text = f"{head}{way}\n{rest}" if rest else f"{head}{way}"
