@@ -13,6 +13,7 @@ from benchmarks.plain import (
     PlainBinn,
     binn,
     compiled_binn,
+    environment,
     require_equal,
     steps_of,
     threads,
@@ -39,6 +40,12 @@ def cases() -> tuple[AnyCase, ...]:
             for backend, limit in _LIMITS.items()
             for timing in get_args(Timing)
         ),
+        Case(
+            "numpy: a call a step, the same bits as in a batch",
+            AGAINST,
+            _one("numpy", "ordered", reproducible=True),
+        ),
+        Case("auto: a call a step, without a C compiler", AGAINST, _without_compiler, 0.25),
         Case("compiled: inside run, recorded", AGAINST, _inside_run, 0.02, steps=_STEPS),
         *(
             Case(f"{backend}: a batch of {batch}", f"{AGAINST}, a batch", _batch(backend, batch), limit)
@@ -52,11 +59,19 @@ def cases() -> tuple[AnyCase, ...]:
     )
 
 
-def _one(backend: str, timing: Timing) -> Prepare:
+def _one(backend: str, timing: Timing, *, reproducible: bool = False) -> Prepare:
     def prepare() -> tuple[AnyWork, AnyWork]:
-        return steps_of(compiled_binn(backend, timing), 1), Loop(PlainBinn(binn()).steps)
+        program = compiled_binn(backend, timing, reproducible=reproducible)
+        return steps_of(program, 1), Loop(PlainBinn(binn()).steps)
 
     return prepare
+
+
+def _without_compiler() -> tuple[AnyWork, AnyWork]:
+    with environment(PATH="", CC=""):
+        program = compiled_binn("auto")
+    assert program.backend == "numpy", program.note
+    return steps_of(program, 1), Loop(PlainBinn(binn()).steps)
 
 
 def _inside_run() -> tuple[AnyWork, AnyWork]:
@@ -68,7 +83,7 @@ def _inside_run() -> tuple[AnyWork, AnyWork]:
 def _batch(backend: str, batch: int) -> Prepare:
     def prepare() -> tuple[AnyWork, AnyWork]:
         with threads(1):
-            measured = steps_of(compiled_binn(backend, batch=batch), batch)
+            measured = steps_of(compiled_binn(backend, batch=batch, reproducible=True), batch)
         return measured, Loop(PlainBinn(binn(), batch).steps)
 
     return prepare

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from itertools import repeat
 
@@ -92,11 +92,13 @@ def require_equal(program: Program, plain: PlainBinn, batch: int) -> None:
     np.testing.assert_allclose(stepper.state.output, expected, rtol=0, atol=1e-12)
 
 
-def compiled_binn(backend: str, timing: Timing = "synchronous", *, batch: int = 1) -> Program:
+def compiled_binn(
+    backend: str, timing: Timing = "synchronous", *, batch: int = 1, reproducible: bool = False
+) -> Program:
     """The BiNN compiled; first checked against the one by hand."""
     plain = PlainBinn(binn(), batch if batch > 1 else None)
-    require_equal(compile_circuit(binn(), backend=backend, reproducible=batch > 1), plain, batch)
-    return compile_circuit(binn(timing), backend=backend, reproducible=batch > 1)
+    require_equal(compile_circuit(binn(), backend=backend, reproducible=reproducible), plain, batch)
+    return compile_circuit(binn(timing), backend=backend, reproducible=reproducible)
 
 
 def steps_of(program: Program, batch: int) -> Loop:
@@ -123,14 +125,20 @@ def loop(step: Callable[[], object]) -> Loop:
 
 
 @contextmanager
-def threads(n: int) -> Iterator[None]:
-    """Let kernels that are made here use n threads."""
-    before = os.environ.get("CIRCUITKIT_THREADS")
-    os.environ["CIRCUITKIT_THREADS"] = str(n)
+def environment(**values: str) -> Iterator[None]:
+    """Have environment variables for a while."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ["CIRCUITKIT_THREADS"]
-        else:
-            os.environ["CIRCUITKIT_THREADS"] = before
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def threads(n: int) -> AbstractContextManager[None]:
+    """Let kernels that are made meanwhile use n threads."""
+    return environment(CIRCUITKIT_THREADS=str(n))
