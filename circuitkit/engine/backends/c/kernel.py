@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -87,6 +87,20 @@ class CompiledKernel:
         if array.ndim > 1 and self.batch > 1:
             array = np.pad(array, ((0, 0), (0, self._stride - self.batch)), mode="edge")
         return np.ascontiguousarray(array, dtype=number)
+
+    def bind_step(
+        self, take: Callable[[FloatArray], None], fail: Callable[[], NoReturn]
+    ) -> Callable[..., FloatArray] | None:
+        """`step(inputs=None)` as one function of C; None if that does not know how arrays look in memory."""
+        runtime, example = load_runtime(), np.zeros((self.batch, self.inputs.shape[1]))
+        facts = example.dtype, example.ctypes.data, *example.shape, *example.strides
+        if not runtime.knows_arrays(example, *facts):
+            return None
+        is_double = self._table.dtype == np.float64
+        step: Callable[..., FloatArray] = runtime.Step(
+            self._kernel, self.readout, take, fail, example, is_double
+        )
+        return step
 
     def load(self, state: State) -> None:
         """Take over a state."""
