@@ -36,8 +36,8 @@ def raise_for(program: Program, inputs: FloatArray, state: State) -> NoReturn:
         if len(bad):
             member, column = (int(i) for i in bad[0])
             message = (
-                f"the circuit '{program.name}' diverged: in step {state.time - 1} the {kind} {names[column]} of "
-                f"batch member {member} became {values[member, column]}"
+                f"the circuit '{program.name}' diverged: in step {state.time - 1} the {kind} "
+                f"{names[column]} of batch member {member} became {values[member, column]}"
             )
             raise DivergedError(message)
     message = f"the circuit '{program.name}' diverged in step {state.time - 1}"

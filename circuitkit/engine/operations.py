@@ -1,9 +1,10 @@
 """What a program does in a control step, as a short list of operations on one table of numbers.
 
-The table has rows and, as its second axis, the batch: shape (n_rows, B). Row 0 is always zero, the inputs follow.
-Activations, outputs, states, delayed outputs, intermediate values and the circuit's outputs are further rows;
-which are which is written down in `Program`. Operations run one after the other, each from the values that the
-ones before it left. All backends do just these operations; the order of additions is part of their meaning.
+The table has rows and, as its second axis, the batch: shape (n_rows, B). Row 0 is always zero, the inputs
+follow. Activations, outputs, states, delayed outputs, intermediate values and the circuit's outputs are
+further rows; which are which is written down in `Program`. Operations run one after the other, each from the
+values that the ones before it left. All backends do just these operations; the order of additions is part of
+their meaning.
 """
 
 from __future__ import annotations

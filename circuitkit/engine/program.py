@@ -27,7 +27,8 @@ _MAX_IDLE_SIZES = 8
 class Program:
     """A compiled circuit. Names and columns that a user meets are in file order; rows are an inner matter.
 
-    A control step: write the inputs into rows 1 ... n_inputs; do `before`; `substeps` times `substep`; `after`.
+    A control step: write the inputs into rows 1 ... n_inputs; do `before`; `substeps` times `substep`;
+    `after`.
 
     Attributes:
         name: Name of the circuit.

@@ -48,14 +48,14 @@ def select(program: Program, names: Iterable[str] | None, *, states: bool) -> Se
     if names is not None:
         neurons, outputs, found = _find(program, names)
         chosen = range(s) if states else found
-    columns = [np.array(each, dtype=np.int32) for each in (neurons, outputs, chosen)]
+    cells, readouts, variables = (np.array(each, dtype=np.int32) for each in (neurons, outputs, chosen))
     rows = [
-        program.activation_rows[columns[0]],
-        program.output_rows[columns[0]],
-        columns[1] + np.int32(program.readout_rows[0]),
-        program.state_rows[columns[2]],
+        program.activation_rows[cells],
+        program.output_rows[cells],
+        readouts + np.int32(program.readout_rows[0]),
+        program.state_rows[variables],
     ]
-    return Selection(*columns, np.concatenate(rows).astype(np.int32))
+    return Selection(cells, readouts, variables, np.concatenate(rows).astype(np.int32))
 
 
 def _find(program: Program, names: Iterable[str]) -> tuple[list[int], list[int], list[int]]:

@@ -1,4 +1,4 @@
-"""Random circuits of all kinds: models with states, spikes, populations, synapses with states, delays, noise."""
+"""Random circuits of all kinds: states, spikes, populations, synapses with states, delays, noise."""
 
 from __future__ import annotations
 
@@ -144,7 +144,9 @@ NEURON_KINDS = (
 SYNAPSE_KINDS = (
     STATIC,
     *(
-        synapse_kind("lagging", ["tau_s"], ["s"], "weight * s", method, derivatives={"s": "(pre - s) / tau_s"})
+        synapse_kind(
+            "lagging", ["tau_s"], ["s"], "weight * s", method, derivatives={"s": "(pre - s) / tau_s"}
+        )
         for method in METHODS
     ),
     synapse_kind(
@@ -159,7 +161,8 @@ SYNAPSE_KINDS = (
         derivatives={"r": "(1 - r) / tau_s"},
     ),
     synapse_kind(
-        "learning", ["rate"], ["w"], "w * pre", updates={"w": "clip(w + rate * post * (pre - post * w), -1, 1)"}
+        "learning", ["rate"], ["w"], "w * pre",
+        updates={"w": "clip(w + rate * post * (pre - post * w), -1, 1)"},
     ),
 )  # fmt: skip
 

@@ -1,7 +1,7 @@
-"""What a circuit does, one neuron and one synapse after the other, in floats: slow, and written without the engine.
+"""What a circuit does, one neuron and one synapse after the other, in floats; written without the engine.
 
-It reads the graph and follows `docs/engine.md`. Nothing here comes from `circuitkit.engine`; of the circuit side it
-uses the values of expressions and, for exponential Euler, their derivatives.
+It reads the graph and follows `docs/engine.md`. Nothing here comes from `circuitkit.engine`; of the circuit
+side it uses the values of expressions and, for exponential Euler, their derivatives.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ class Reference:
 
     # --- what a synapse sees ------------------------------------------------------------------------------
 
-    def _seen(self, name: str, target: Cell, delay_s: float) -> float:
+    def _seen(self, name: str, target: Cell, delay_s: float) -> float:  # noqa: PLR0911  # one a case
         steps = round(delay_s / self.graph.step_s)
         if name in self.input_past:
             return _back(self.input_past[name], steps)
@@ -244,19 +244,8 @@ class Reference:
             self.input_past[name].append(value)
         for cell in self.cells.values():
             cell.old_states = dict(cell.states)
-        discrete = [cell for cell in self.cells.values() if not cell.model.continuous]
+        self._discrete_step([cell for cell in self.cells.values() if not cell.model.continuous])
         continuous = [cell for cell in self.cells.values() if cell.model.continuous]
-        self._done: set[str] = set()
-        if self.graph.timing == "ordered":
-            for cell in discrete:
-                self._evaluated(cell)
-        else:
-            new = {cell.name: self._arrived(cell, self.time) for cell in discrete}
-            for cell in discrete:
-                if self.graph.timing == "synchronous":
-                    cell.activation = new[cell.name]
-                self._respond(cell)
-                cell.activation = new[cell.name]
         for cell in continuous:
             if "spike" in cell.model.output.names():
                 cell.output = 0.0
@@ -269,8 +258,21 @@ class Reference:
         cells = self.cells.values()
         return [c.activation for c in cells], [c.output for c in cells], list(self.readout.values())
 
+    def _discrete_step(self, cells: list[Cell]) -> None:
+        self._done: set[str] = set()
+        if self.graph.timing == "ordered":
+            for cell in cells:
+                self._evaluated(cell)
+            return
+        new = {cell.name: self._arrived(cell, self.time) for cell in cells}
+        for cell in cells:
+            if self.graph.timing == "synchronous":
+                cell.activation = new[cell.name]
+            self._respond(cell)
+            cell.activation = new[cell.name]
+
     def _evaluated(self, cell: Cell) -> Cell:
-        """A discrete neuron under `ordered`, once it has done its step; it asks those before it to do theirs."""
+        """A discrete neuron under `ordered`, after its step; it asks those before it to do theirs."""
         if cell.node not in self._done:
             self._done.add(cell.node)
             members = [each for each in self.cells.values() if each.node == cell.node]
@@ -303,11 +305,13 @@ class Reference:
         cell.output = self._spiked(cell)
 
     def _spiked(self, cell: Cell) -> float:
-        spike, A = 0.0, cell.activation
-        if cell.model.spike is not None and cell.value(cell.model.spike.when, A=A) > 0:
+        spike, activation = 0.0, cell.activation
+        if cell.model.spike is not None and cell.value(cell.model.spike.when, A=activation) > 0:
             spike = 1.0
-            cell.states.update({k: cell.value(new, A=A) for k, new in cell.model.spike.reset.items()})
-        return cell.value(cell.model.output, A=A, spike=spike)
+            cell.states.update(
+                {k: cell.value(new, A=activation) for k, new in cell.model.spike.reset.items()}
+            )
+        return cell.value(cell.model.output, A=activation, spike=spike)
 
     def _substep(self, cells: list[Cell], time: int) -> None:
         before = {cell.name: dict(cell.states) for cell in cells}

@@ -142,9 +142,10 @@ def test_what_overflows_is_named_with_step_neuron_and_member(build):
             run(program, inputs)
         assert str(error.value) == message
         stepper = program.stepper(3)
+        stepper.step(inputs[0])
+        stepper.step(inputs[1])
         with pytest.raises(DivergedError) as error:
-            for row in inputs:
-                stepper.step(row)
+            stepper.step(inputs[2])
         assert str(error.value) == message
 
 

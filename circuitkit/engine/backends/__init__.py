@@ -32,7 +32,8 @@ class Kernel(Protocol):
         batch: Number of copies B of the circuit.
         inputs: Where the inputs of the next step are written, shape (B, n_inputs), [SI].
         readout: Outputs of the circuit after the last step, a read-only view of shape (B, n_outputs), [SI].
-        bind_step: May be there: `bind_step(take, fail)` gives one function `step(inputs=None)` that does all that
+        bind_step: May be there: `bind_step(take, fail)` gives one function `step(inputs=None)` that does all
+        that
             `Stepper.step` does, or None; `take` puts inputs in their place, `fail` raises.
         advance: Does one control step with what stands in `inputs`; says whether all is finite: the inputs,
             and all rows that survive the step.

@@ -1,7 +1,7 @@
-"""The step of one circuit as straight Python: a few calls on arrays, or numbers one by one where that is quicker.
+"""The step of one circuit as straight Python: a few calls on arrays, or, where quicker, numbers one by one.
 
-The text is made from checked trees of operations and expressions, never from what a user wrote. Numbers are looked
-up as globals of the function, which takes no time at a call.
+The text is made from checked trees of operations and expressions, never from what a user wrote. Numbers are
+looked up as globals of the function, which takes no time at a call.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Code:
         """The function with this head and these last lines; several functions share their globals."""
         body = [f"global {', '.join(sorted(self.written))}", *self.lines, "time += 1", *ending]
         text = f"def {head}:\n    " + "\n    ".join(body) + "\n"
-        exec(compile(text, f"<{head}>", "exec"), self.names)  # noqa: S102  # the text is our own
+        exec(compile(text, f"<{head}>", "exec"), self.names)  # the text is our own
         made: Callable[..., Any] = self.names[head.partition("(")[0]]
         return made
 

@@ -1,9 +1,9 @@
 """Which programs are a few matrix products with functions between them, and which products these are.
 
-For neurons without states an output is f(x) or a joint of two such, with x = gain A + constant and A a weighted sum
-(eqs. 11 and 12). Gains and constants go into the weights: for all neurons of a stage x = G s, s being the number 1,
-the inputs and the outputs. What is added up in G s is in no fixed order, so this serves programs that need not be
-reproducible to the last bit.
+For neurons without states an output is f(x) or a joint of two such, with x = gain A + constant and A a
+weighted sum (eqs. 11 and 12). Gains and constants go into the weights: for all neurons of a stage x = G s, s
+being the number 1, the inputs and the outputs. What is added up in G s is in no fixed order, so this serves
+programs that need not be reproducible to the last bit.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Numpy backend: a control step is a short list of calls on preallocated arrays, bound to their operands once.
+"""Numpy backend: a control step is a list of calls on preallocated arrays, bound to their operands once.
 
-The table is (rows, B), so that neighbouring rows are contiguous whatever the batch size. Sums are added term by
-term in the program's order (docs/decisions/0004), so that a member of a batch gets the same bits as one alone.
-Floating-point warnings are off during a step: what is not finite is found at its end.
+The table is (rows, B), so that neighbouring rows are contiguous whatever the batch size. Sums are added term
+by term in the program's order (docs/decisions/0004), so that a member of a batch gets the same bits as one
+alone. Floating-point warnings are off during a step: what is not finite is found at its end.
 """
 
 from __future__ import annotations

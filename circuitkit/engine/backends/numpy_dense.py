@@ -1,4 +1,4 @@
-"""Dense kernel of the numpy backend: a matrix product for every stage, for programs that need not be reproducible."""
+"""Dense kernel of the numpy backend: a matrix product for every stage, its order of additions left open."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class DenseKernel:
     def _straight(self) -> Code:
         """The step as straight code."""
         numbers = self._numbers.reshape(-1)
-        code = Code(memoryview(numbers))
+        code = Code(numbers.data)
         code.names |= {"time": 0, "is_finite": self._is_finite}
         self._by_number = quicker_one_by_one(self._stages, self._layout)
         if self._by_number:
@@ -155,11 +155,12 @@ class DenseKernel:
             for function, begin, end in functions:
                 given, result = x[start : start + end - begin], numbers[begin:end]
                 start += end - begin
-                code.call(*_function_call(function, given, result))
+                called, its_arguments = _function_call(function, given, result)
+                code.call(called, *its_arguments)
             for target, joint, first, second in self._layout.joints[number]:
                 code.lines.append(f"m[{target}] = m[{first}] {joint} m[{second}]")
             if number == len(self._stages) - 1:
-                code.checks.append(f"{code.bind(memoryview(x))}[{len(x) - 1}] == 0.0")
+                code.checks.append(f"{code.bind(x.data)}[{len(x) - 1}] == 0.0")
         if not self._layout.is_bounded:
             code.checks.append("is_finite()")
 
@@ -340,18 +341,20 @@ def _product(matrix: FloatArray, numbers: FloatArray, result: FloatArray) -> Cal
     return partial(np.matmul, matrix, numbers, result)
 
 
-def _function_call(function: str, x: FloatArray, result: FloatArray) -> tuple[object, ...]:
-    """One call that does a function; its parts."""
+def _function_call(
+    function: str, x: FloatArray, result: FloatArray
+) -> tuple[Callable[..., object], tuple[FloatArray, ...]]:
+    """A call that does a function, and its arguments."""
     match function:
         case "sigmoid":
-            return (expit, x, result)
+            return expit, (x, result)
         case "tanh":
-            return (np.tanh, x, result)
+            return np.tanh, (x, result)
         case "heaviside":
-            return (np.heaviside, x, np.ones_like(x), result)
+            return np.heaviside, (x, np.ones_like(x), result)
         case str() as name if name == IDENTITY:
-            return (np.positive, x, result)
-    return (partial(np.maximum, out=result), x, np.zeros_like(x))
+            return np.positive, (x, result)
+    return partial(np.maximum, out=result), (x, np.zeros_like(x))
 
 
 def _function_calls(
@@ -367,8 +370,8 @@ def _function_calls(
             partial(np.add, result, one, result),
             partial(np.divide, one, result, result),
         ]
-    call, *arguments = _function_call(function, x, result)
-    return [partial(call, *arguments)]  # type: ignore[arg-type]
+    call, arguments = _function_call(function, x, result)
+    return [partial(call, *arguments)]
 
 
 def _is_finite(values: FloatArray) -> bool:

@@ -126,7 +126,7 @@ class _Binder:
                 self.operations.append(partial(np.copyto, target, self._operand(expression, target)))
 
     def _write_sigmoid(self, argument: Expression, target: FloatArray) -> None:
-        """1 / (1 + exp(-x)): numpy's exp is vectorised, unlike scipy's expit, and of the same bits for any size."""
+        """1 / (1 + exp(-x)): unlike expit, numpy's exp is vectorised, with the same bits for any size."""
         one = np.ones(target.shape if target.size < _LARGE else (1,) * target.ndim, dtype=target.dtype)
         self.write(_negative(argument), target)
         self.operations += [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeAlias
@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from circuitkit.engine.backends.numpy_expression import bind_expression
-from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.backends.numpy_sums import bind_sum
 from circuitkit.engine.noise import NormalNumbers
+from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.state import FloatArray
 
 Call: TypeAlias = Callable[[], object]

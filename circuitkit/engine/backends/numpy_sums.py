@@ -1,8 +1,8 @@
 """Weighted sums in numpy, term by term in the program's order (docs/decisions/0004), in one of three ways.
 
-Which one is taken depends on the program and on whether the batch is large, and none of them on the other members
-of the batch. Few terms are gathered into rectangles, whose columns are added; in a large batch they are added row by
-row, by the same additions; many terms go through scipy's routine for sparse matrices.
+Which one is taken depends on the program and on whether the batch is large, and none of them on the other
+members of the batch. Few terms are gathered into rectangles, whose columns are added; in a large batch they
+are added row by row, by the same additions; many terms go through scipy's routine for sparse matrices.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _LARGE_BATCH = 256  # members from which rows are added without gathering them b
 
 def bind_sum(operation: Sum, table: FloatArray) -> Iterator[Call]:
     """The calls that do a sum on a table of shape (n_rows, B)."""
-    if len(operation.sources) >= _SPARSE and operation.weights.ndim < 2:  # noqa: PLR2004  # of each member
+    if len(operation.sources) >= _SPARSE and operation.weights.ndim <= 1:
         yield from _bind_sparse(operation, table)
         return
     for start, stop in _alike(operation.indptr):
@@ -89,17 +89,17 @@ def _bind_rectangle(operation: Sum, start: int, stop: int, table: FloatArray) ->
             if len(terms) < longest:  # what is filled up adds zeros, which only make -0 a 0
                 yield partial(np.add, total[column], np.zeros(1, dtype=table.dtype), total[column])
         return
-    terms = np.empty((longest, count, batch), dtype=table.dtype)
-    spread = np.array(np.broadcast_to(weights, terms.shape), order="C")
-    yield partial(table.take, rows, 0, terms, "clip")
-    yield partial(np.multiply, terms, spread, terms)
-    yield from _add_in_order([*([total] if operation.add else []), *terms], total)
+    taken = np.empty((longest, count, batch), dtype=table.dtype)
+    spread = np.ascontiguousarray(np.broadcast_to(weights, taken.shape))
+    yield partial(table.take, rows, 0, taken, "clip")
+    yield partial(np.multiply, taken, spread, taken)
+    yield from _add_in_order([*([total] if operation.add else []), *taken], total)
 
 
 def _bind_row(
     terms: Sequence[tuple[FloatArray, FloatArray]], total: FloatArray, *, add: bool
 ) -> Iterator[Call]:
-    """The additions of one column of a rectangle: weights of 1 and -1 take no product, which changes no bit."""
+    """The additions of one column of a rectangle; weights of 1 and -1 need no product for the same bits."""
     product = np.empty_like(total)
     if not terms and not add:
         yield partial(total.fill, 0.0)

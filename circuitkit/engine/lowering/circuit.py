@@ -142,7 +142,7 @@ def _bundles(plan: Plan, sources: Sources) -> Iterator[Bundle]:
 
 
 def _terms(plan: Plan, sources: Sources, bundles: Sequence[Bundle]) -> Iterator[Term]:
-    """The terms of single synapses: from neurons in file order, from inputs in file order, then from bundles."""
+    """The terms of single synapses: from neurons and from inputs in file order, then from bundles."""
     n = sum(block.size for block in plan.blocks.values())
     ranks = {name: n + i for i, name in enumerate(plan.inputs)}
     for synapse in plan.graph.synapses:

@@ -1,4 +1,4 @@
-"""`make_map`: a `Map` with what depends on constants alone computed once, and nothing that it does not need."""
+"""`make_map`: a `Map` in which what depends on constants alone has been computed."""
 
 from __future__ import annotations
 

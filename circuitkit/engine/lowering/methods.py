@@ -1,10 +1,12 @@
-"""How states advance by their derivatives over a time dt: one `Method` after the other, all from the old values.
+"""How states advance by their derivatives over a time dt, all from the old values.
 
 For x' = f(x), with J the derivative of f by x and phi1(z) = (exp(z) - 1) / z:
 
 - `euler`: x + dt f.
-- `exponential_euler`, state by state: x + dt phi1(dt J) f. Exact if f is linear in x and the rest stands still.
-- `exact`, all states of a linear model together: x + Q f, Q = dt phi1(dt J) with J a matrix; exact for any dt.
+- `exponential_euler`, state by state: x + dt phi1(dt J) f. Exact if f is linear in x and the rest stands
+  still.
+- `exact`, all states of a linear model together: x + Q f, Q = dt phi1(dt J) with J a matrix; exact for any
+  dt.
 - `rk4`: the classical fourth-order method of Runge and Kutta.
 """
 
@@ -26,6 +28,8 @@ from circuitkit.engine.state import FloatArray
 from circuitkit.errors import InputError, Problem
 
 _DT = "dt__"
+STAGES = 4  # of rk4
+_FRACTIONS = (0.5, 0.5, 1.0)  # of dt at which its states are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +67,9 @@ def advance(system: System, method: Method, table: Table) -> Iterator[Map]:
     """Advance the states by a method, with all else held."""
     if method == "rk4":
         stages = RungeKutta(system, table)
-        for stage in range(4):
+        for stage in range(STAGES):
             yield stages.slope(stage, {})
-            if stage < 3:
-                yield stages.trial(stage)
+            yield from stages.trial(stage)
         yield stages.result()
         return
     changed = _exact(system) if method == "exact" else _alone(system, method)
@@ -85,7 +88,7 @@ def _alone(system: System, method: Method) -> tuple[list[tuple[int, Expression]]
 
 
 def _exact(system: System) -> tuple[list[tuple[int, Expression]], Mapping[str, FloatArray]]:
-    """x + Q f with Q the upper right part of exp(dt [[J, 1], [0, 0]])."""
+    """New states x + Q f with Q the upper right part of exp(dt [[J, 1], [0, 0]])."""
     names = tuple(system.derivatives)
     jacobian = [[derivative(system.derivatives[i], j) for j in names] for i in names]
     if not all(entry.names() <= system.constants.keys() for row in jacobian for entry in row):
@@ -116,7 +119,7 @@ def _reached(direct: list[set[int]]) -> list[set[int]]:
 
 
 def _propagators(jacobians: FloatArray, dt: float) -> FloatArray:
-    """dt phi1(dt J) for every matrix, shape (m, k, k); equal ones are computed once."""
+    """Find dt phi1(dt J) for every matrix, shape (m, k, k); equal ones are computed once."""
     from scipy.linalg import expm
 
     k = jacobians.shape[-1]
@@ -134,7 +137,9 @@ class RungeKutta:
     def __init__(self, system: System, table: Table) -> None:
         self.system = system
         self.trials = {name: table.take(system.count) for name in system.derivatives}
-        self._slopes = [{name: table.take(system.count) for name in system.derivatives} for _ in range(4)]
+        self._slopes = [
+            {name: table.take(system.count) for name in system.derivatives} for _ in range(STAGES)
+        ]
 
     @property
     def states(self) -> Mapping[str, int]:
@@ -147,14 +152,16 @@ class RungeKutta:
         results = [(self._slopes[stage][name], slope) for name, slope in self.system.derivatives.items()]
         return replace(self.system, rows={**self.system.rows, **rows}).map(results, states)
 
-    def trial(self, stage: int) -> Map:
-        """The states for the next stage."""
-        time = Binary("*", Number(1.0 if stage == 2 else 0.5), Name(_DT))
+    def trial(self, stage: int) -> Iterator[Map]:
+        """The states for the next stage, if there is one."""
+        if stage == STAGES - 1:
+            return
+        time = Binary("*", Number(_FRACTIONS[stage]), Name(_DT))
         slopes = {_slope(name): row for name, row in self._slopes[stage].items()}
         results = [
             (self.trials[name], _moved(name, time, Name(_slope(name)))) for name in self.system.derivatives
         ]
-        return replace(self.system, rows=slopes, picks={}).map(results)
+        yield replace(self.system, rows=slopes, picks={}).map(results)
 
     def result(self) -> Map:
         """The new states: x + dt / 6 (k1 + 2 k2 + 2 k3 + k4)."""
@@ -166,7 +173,7 @@ class RungeKutta:
         sixth = Binary("/", Name(_DT), Number(6.0))
         results = []
         for name in self.system.derivatives:
-            first, second, third, fourth = (Name(f"{_slope(name)}{stage}") for stage in range(4))
+            first, second, third, fourth = (Name(f"{_slope(name)}{stage}") for stage in range(STAGES))
             middle = Binary("*", Number(2.0), Binary("+", second, third))
             total = Binary("+", Binary("+", first, middle), fourth)
             results.append((self.system.states[name], _moved(name, sixth, total)))

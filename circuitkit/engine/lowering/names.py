@@ -26,6 +26,7 @@ class Listed:
     names: tuple[str, ...]
 
     def __call__(self, i: int, /) -> str:
+        """The name."""
         return self.names[i]
 
 
@@ -36,6 +37,7 @@ class Members:
     name: str
 
     def __call__(self, i: int, /) -> str:
+        """The name."""
         return f"{self.name}[{i}]"
 
 
@@ -49,6 +51,7 @@ class Connections:
     sources: IndexArray
 
     def __call__(self, i: int, /) -> str:
+        """The name."""
         target = int(np.searchsorted(self.indptr, i, side="right")) - 1
         return f"{self.source}[{self.sources[i]}] -> {self.target}[{target}]"
 

@@ -12,7 +12,7 @@ from circuitkit.circuit.models.model import ACTIVATION, SPIKE, NeuronModel
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.lowering.cells import Group
 from circuitkit.engine.lowering.maps import make_map
-from circuitkit.engine.lowering.methods import RungeKutta, System, advance
+from circuitkit.engine.lowering.methods import STAGES, RungeKutta, System, advance
 from circuitkit.engine.lowering.plan import Plan
 from circuitkit.engine.lowering.sums import Arrivals, Moved
 from circuitkit.engine.operations import IndexArray, Noise, Operation
@@ -22,7 +22,7 @@ _COUNT = "count__"
 
 
 def begin_outputs(plan: Plan, group: Group) -> None:
-    """Let the outputs of a model with states begin with what follows from the initial states; others with 0."""
+    """Let the outputs of a model with states begin with what follows from these; those of others with 0."""
     if group.model.states:
         states = {state.name: group.initial(state.name) for state in group.model.states}
         known = {**group.parameters(), **states, SPIKE: np.array(0.0)}
@@ -84,7 +84,7 @@ def begin_count(group: Group) -> Operation:
 
 
 def _runge_kutta(plan: Plan, groups: Sequence[Group], arrivals: Arrivals) -> Iterator[Operation]:
-    """All groups by rk4 together: at every stage the sums are made again with the outputs as they are tried."""
+    """All groups by rk4 together: at every stage the sums are made again from the outputs as tried."""
     if not groups:
         return
     shift = plan.table.take(sum(group.count for group in groups)) - groups[0].activation
@@ -93,26 +93,27 @@ def _runge_kutta(plan: Plan, groups: Sequence[Group], arrivals: Arrivals) -> Ite
     drawn = [_drawn_noise(plan, group) for group in groups]
     for operations, _ in drawn:
         yield from operations
-    for stage in range(4):
+    for stage in range(STAGES):
         if stage > 0:
-            for group, part in zip(groups, parts, strict=True):
-                if group in tried:
-                    results = [(tried[group], group.model.output)]
-                    yield make_map(group.count, results, part.states, group.parameters())
+            states = {group: part.states for group, part in zip(groups, parts, strict=True)}
+            yield from (_tried_outputs(group, row, states[group]) for group, row in tried.items())
             yield from arrivals.sums(groups, shift, _swapped(tried))
         for group, part, (_, extra) in zip(groups, parts, drawn, strict=True):
             activation = group.activation + (shift if stage else 0)
             if extra:
                 yield _added(group.count, extra, activation)
             yield part.slope(stage, {ACTIVATION: activation})
-            if stage < 3:
-                yield part.trial(stage)
+            yield from part.trial(stage)
     for part in parts:
         yield part.result()
 
 
+def _tried_outputs(group: Group, row: int, states: Mapping[str, int]) -> Operation:
+    return make_map(group.count, [(row, group.model.output)], states, group.parameters())
+
+
 def _drawn_noise(plan: Plan, group: Group) -> tuple[list[Operation], int]:
-    """What draws the noise of a substep once, for all stages, and the rows where it stands; 0 for no noise."""
+    """What draws the noise of a substep once, for all stages, and its rows; 0 for no noise."""
     row = plan.table.take(group.count)
     drawn = list(noise(plan, group, row))
     if not drawn:

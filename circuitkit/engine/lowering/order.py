@@ -1,4 +1,4 @@
-"""When a discrete neuron is evaluated and whose value of which step it sees: the three timings of eqs. 11 and 12."""
+"""When a discrete neuron is evaluated and whose value of which step it sees: the three timings."""
 
 from __future__ import annotations
 

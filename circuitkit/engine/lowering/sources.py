@@ -56,9 +56,10 @@ class Sources:
     def row(self, name: str, target: Block, delay_s: float = 0.0) -> int:
         """Row of what a block sees of an input, neuron or member; of the first member for a population.
 
-        Without a delay: of an input, this step's; of a discrete neuron, what the timing says, or this step's if
-        the target is continuous; of a continuous neuron, that at the end of the last step or substep. With a
-        delay of D steps: what stood there D steps before; under the timing `ordered`, the output of D steps ago.
+        Without a delay: of an input, this step's; of a discrete neuron, what the timing says, or this step's
+        if the target is continuous; of a continuous neuron, that at the end of the last step or substep. With
+        a delay of D steps: what stood there D steps before; under the timing `ordered`, the output of D steps
+        ago.
         """
         plan = self._plan
         to_continuous = target.node.model.continuous

@@ -1,4 +1,4 @@
-"""What reaches a neuron (eq. 11): one `Sum` for single synapses into neighbouring rows, one for each matrix."""
+"""What reaches a neuron (eq. 11): a `Sum` for single synapses into neighbouring rows, one for each matrix."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Matrix:
 
 
 class Arrivals:
-    """All that is added up to activations: the terms of single synapses by rank, then matrices in their order."""
+    """All that is added up to activations: terms of single synapses by rank, then matrices in their order."""
 
     def __init__(self, terms: Sequence[Term], matrices: Sequence[Matrix]) -> None:
         targets = np.array([term.target for term in terms], dtype=np.int64)
@@ -115,7 +115,7 @@ def _frozen_sum(
 
 
 def _ranges(groups: Sequence[Group]) -> Iterator[tuple[int, int]]:
-    """Neighbouring activation rows (start, stop) that are summed together: single neurons, or a population."""
+    """Neighbouring rows (start, stop) that are summed together: of single neurons, or of a population."""
     start = stop = -1
     for group in groups:
         for block in group.blocks:

@@ -26,17 +26,18 @@ def side_by_side(circuits: Sequence[Lowered]) -> Lowered:
     for field in fields(Lowered):
         if field.name not in {"before", "substep", "after", "initial", "state_names"}:
             _require_same([getattr(circuit, field.name) for circuit in circuits], field.name)
-    parts = {
-        name: tuple(_joined(each) for each in _aligned([getattr(circuit, name) for circuit in circuits]))
-        for name in ("before", "substep", "after")
-    }
-    initial = _stacked([circuit.initial for circuit in circuits], first.n_rows)
-    return replace(first, initial=initial, **parts)
+    return replace(
+        first,
+        initial=_stacked([circuit.initial for circuit in circuits], first.n_rows),
+        before=_aligned([circuit.before for circuit in circuits]),
+        substep=_aligned([circuit.substep for circuit in circuits]),
+        after=_aligned([circuit.after for circuit in circuits]),
+    )
 
 
-def _aligned(parts: Sequence[Sequence[Operation]]) -> list[tuple[Operation, ...]]:
+def _aligned(parts: Sequence[Sequence[Operation]]) -> tuple[Operation, ...]:
     _require_same([len(part) for part in parts], "number of operations")
-    return list(zip(*parts, strict=True))
+    return tuple(_joined(alike) for alike in zip(*parts, strict=True))
 
 
 def _joined(alike: Sequence[Operation]) -> Operation:
@@ -89,9 +90,9 @@ def _require_same(values: Sequence[Any], what: str) -> None:
             raise InputError(Problem("", 0, 0, "sweep", f"{message}; allowed: the same structure", hint))
 
 
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray):
+def _same(one: object, other: object) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         return one is other or (one.shape == other.shape and bool((one == other).all()))
-    if isinstance(one, dict):
+    if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
     return bool(one == other)

@@ -45,7 +45,7 @@ def only_weighs(model: SynapseModel) -> bool:
 
 
 class Bundle(ABC):
-    """Synapses of one model, or the targets for which it keeps states; what each has stands in neighbouring rows.
+    """Synapses of one model, or targets for which it keeps states, with their values in neighbouring rows.
 
     Attributes:
         model: The equations.
@@ -121,7 +121,7 @@ class Bundle(ABC):
     def _rows(
         self, expressions: Sequence[Expression], moment: Moment
     ) -> tuple[dict[str, int], dict[str, IndexArray]]:
-        """First rows, or all rows where they are no neighbours, of the names that are not the bundle's own."""
+        """First rows, or all rows if they are no neighbours, of the names that are not the bundle's own."""
         rows: dict[str, int] = {}
         picks: dict[str, IndexArray] = {}
         used = frozenset[str]().union(*(expression.names() for expression in expressions))
@@ -162,12 +162,15 @@ class SingleSynapses(Bundle):
         super().__init__(plan, sources, synapses[0].model, len(synapses), self.targets[0][0])
 
     def naming(self) -> Naming:
+        """What they are called."""
         return Listed(tuple(f"{synapse.source} -> {synapse.target}" for synapse in self.synapses))
 
     def initial(self, state: str) -> FloatArray:
+        """Start of a state."""
         return np.array([synapse.initial[state] for synapse in self.synapses])
 
     def constants(self) -> dict[str, FloatArray]:
+        """Parameters and weights."""
         found = {
             name: np.array([synapse.parameters[name] for synapse in self.synapses])
             for name in self.model.parameter_names
@@ -179,6 +182,7 @@ class SingleSynapses(Bundle):
         return substitute(expression, {INPUT: _WEIGHTED})
 
     def rows_of(self, name: str, moment: Moment) -> IndexArray:
+        """The rows that a name stands for."""
         rows = [
             self._node_row(name, block, synapse.source, synapse.gate, synapse.delay_s, moment)
             + (member if name == POST or (name.startswith(POST_STATE) and name in self.model.reads) else 0)
@@ -203,17 +207,21 @@ class ProjectedSynapses(Bundle):
         return len(self.projection.sources)
 
     def naming(self) -> Naming:
+        """What they are called."""
         p = self.projection
         return Connections(p.source, p.target, p.indptr, p.sources)
 
     def initial(self, state: str) -> FloatArray:
+        """Start of a state."""
         return _array(self.projection.initial[state])
 
     def constants(self) -> dict[str, FloatArray]:
+        """Parameters and weights."""
         found = {name: _array(value) for name, value in self.projection.parameters.items()}
         return {WEIGHT: _array(self.projection.weights), **found}
 
     def rows_of(self, name: str, moment: Moment) -> IndexArray:
+        """The rows that a name stands for."""
         p = self.projection
         first = self._node_row(name, self.target, p.source, p.gate, p.delay_s, moment)
         if name == GATE:
@@ -240,26 +248,32 @@ class ProjectedTargets(ProjectedSynapses):
         return len(self.projection.indptr) - 1
 
     def naming(self) -> Naming:
+        """What they are called."""
         return Members(f"{self.projection.source} -> {self.projection.target}")
 
     def constants(self) -> dict[str, FloatArray]:
+        """Parameters and weights."""
         return {name: _array(value) for name, value in self.projection.parameters.items()}
 
     def arrive(self) -> Iterator[Operation]:
+        """The sums, then as usual."""
         yield self._input("arrival")
         yield from super().arrive()
 
     def progress(self) -> Iterator[Operation]:
+        """As usual, with sums of the newest outputs at control rate."""
         if self.model.derivatives and not self.runs_in_substeps:
             yield self._input("end")
         yield from super().progress()
 
     def update(self) -> Iterator[Operation]:
+        """As usual, with sums of the newest outputs."""
         if self.model.updates:
             yield self._input("end")
         yield from super().update()
 
     def rows_of(self, name: str, moment: Moment) -> IndexArray:
+        """The rows that a name stands for."""
         p = self.projection
         if name == INPUT:
             first = self._sums[moment]
@@ -270,6 +284,7 @@ class ProjectedTargets(ProjectedSynapses):
         return np.arange(first, first + self.count, dtype=np.int32)
 
     def matrix(self) -> Matrix:
+        """What adds up what they deliver."""
         everything = np.arange(self.count, dtype=np.int32)
         pointers = np.arange(self.count + 1, dtype=np.int64)
         return Matrix(self.target, pointers, everything, _ONE, self.delivered)
