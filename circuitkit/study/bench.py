@@ -222,8 +222,10 @@ def _weigh(case: Amount, rounds: int) -> Row:
 def _repeats(work: AnyWork) -> int:
     """How often to repeat work so that a round of it lasts `ROUND_S`; also warms it up."""
     _seconds(work, 1)
-    once = max(_seconds(work, 1), 1e-9)
-    return max(1, int(ROUND_S / max(_seconds(work, max(1, int(ROUND_S / 10 / once))), 1e-9)))
+    once = _seconds(work, 1)
+    if once < ROUND_S / 10:  # too short to be measured by itself
+        once = _seconds(work, max(1, int(ROUND_S / 10 / max(once, 1e-7))))
+    return max(1, int(ROUND_S / max(once, 1e-9)))
 
 
 def _seconds(work: AnyWork, repeats: int) -> float:
