@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
 
 
-def lasting_rows(program: Program) -> list[int]:
-    """Inputs and all rows that survive a control step, ascending."""
-    inputs = np.arange(1, 1 + len(program.input_names))
-    parts = (inputs, program.activation_rows, program.output_rows, program.state_rows)
-    rows: list[int] = np.unique(np.concatenate([*parts, np.arange(*program.readout_rows)])).tolist()
-    return rows
+def lasting_rows(program: Program) -> npt.NDArray[np.bool_]:
+    """Which rows are inputs or survive a control step, shape (n_rows,)."""
+    lasting = np.zeros(program.n_rows, dtype=np.bool_)
+    lasting[1 : 1 + len(program.input_names)] = True
+    lasting[slice(*program.readout_rows)] = True
+    for rows in (program.activation_rows, program.output_rows, program.state_rows):
+        lasting[rows] = True
+    return lasting
 
 
 def print_memories(program: Program) -> Iterator[str]:
@@ -29,12 +32,10 @@ def print_memories(program: Program) -> Iterator[str]:
     yield "}"
 
 
-def ranges(rows: list[int]) -> Iterator[tuple[int, int]]:
-    """Neighbouring rows as pairs of the first one and the one after the last."""
-    array = np.asarray(rows)
-    breaks = np.flatnonzero(np.diff(array) != 1) + 1
-    for neighbours in np.split(array, breaks):
-        yield int(neighbours[0]), int(neighbours[-1]) + 1
+def ranges(chosen: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """Neighbouring rows that are chosen as pairs of the first one and the one after the last."""
+    edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def first_read(operations: Iterable[Operation]) -> set[int]:

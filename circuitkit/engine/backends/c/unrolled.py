@@ -65,7 +65,7 @@ class _Printer:
 
     def source(self) -> str:
         """All of it."""
-        kept = lasting_rows(self.program)
+        kept = np.flatnonzero(lasting_rows(self.program)).tolist()
         head = [
             f"#define CK_WIDTH {self.width * self.abreast}",
             f"#define CK_NARROW {self.width}",
