@@ -113,6 +113,8 @@ def written_parameters(
         read: How its values are read.
     """
     spec: WithModelParameters = item.spec
+    if not spec.values and not model.parameters:
+        return {}
     fields = _keys(type(spec))
     names = model.parameter_names
     for key in spec.values:

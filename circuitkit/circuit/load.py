@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import gc
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from circuitkit.circuit.items import Findings
@@ -25,7 +28,7 @@ def load_circuit(path_or_name: str | Path) -> CircuitSpec:
     Raises:
         InputError: With every error of the file and of those it includes.
     """
-    return _sound(_examine(*scan_yaml(find_data_file(path_or_name, FOLDER))))
+    return _sound(_examine(partial(scan_yaml, find_data_file(path_or_name, FOLDER))))
 
 
 def parse_circuit(text: str, path: str = "<text>") -> CircuitSpec:
@@ -38,7 +41,7 @@ def parse_circuit(text: str, path: str = "<text>") -> CircuitSpec:
     Raises:
         InputError: With every error of the text and of the files it includes.
     """
-    return _sound(_examine(*scan_text(text, path)))
+    return _sound(_examine(partial(scan_text, text, path)))
 
 
 def check(path_or_name: str | Path) -> tuple[tuple[Problem, ...], tuple[Problem, ...]]:
@@ -54,7 +57,7 @@ def check(path_or_name: str | Path) -> tuple[tuple[Problem, ...], tuple[Problem,
         path = find_data_file(path_or_name, FOLDER)
     except InputError as error:
         return error.problems, ()
-    found = _examine(*scan_yaml(path))
+    found = _examine(partial(scan_yaml, path))
     return found.errors, found.warnings
 
 
@@ -71,7 +74,24 @@ def _sound(found: _Examined) -> CircuitSpec:
     return found.spec
 
 
-def _examine(document: Document | None, problems: list[Problem]) -> _Examined:
+@contextmanager
+def _collecting_later() -> Iterator[None]:
+    """No search for garbage meanwhile: reading makes very many objects that stay, and hardly any garbage."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def _examine(read: Callable[[], tuple[Document | None, list[Problem]]]) -> _Examined:
+    with _collecting_later():
+        return _examined(*read())
+
+
+def _examined(document: Document | None, problems: list[Problem]) -> _Examined:
     if document is None:
         return _Examined(None, tuple(problems), ())
     module, spec, form = read_module(document)

@@ -59,8 +59,7 @@ def neuron_parameters(
                 wanted, reason = shown_unit(parameter, dimension, unit), because(parameter, unit)
                 scope.fits(item, (parameter.name,), written[parameter.name], wanted, reason)
     check_order(scope, item, model, written)
-    values: dict[str, Any] = {each.name: each.default or 0.0 for each in model.parameters}
-    return unit, values | {name: measure.value for name, measure in written.items()}
+    return unit, {**model.defaults, **{name: measure.value for name, measure in written.items()}}
 
 
 def _activation_unit(model: NeuronModel, written: Mapping[str, Measure]) -> Unit:

@@ -25,7 +25,7 @@ NAMED_SECTIONS = (
     "synapse_models",
 )
 LISTED_SECTIONS = ("synapses", "projections")
-_MOST_INSTANCES = 10_000
+_MOST_INSTANCES = 2_000
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ class _Making:
         self._check_sign(weight, kind)
         if len(terms) != 1 or terms[0].factor != 1.0:
             check_linear(scope, item, model, self.source)
-        values: dict[str, PerMember] = {each.name: each.default or 0.0 for each in model.parameters}
+        values: dict[str, PerMember] = dict(model.defaults)
         values |= {name: each.value for name, each in written.items()}
         for term in terms:
             if "[" in term.end.name:

@@ -40,7 +40,8 @@ class Synapses:
         for item in scope.synapses():
             model = models.synapse(item)
             source = self._source(scope, item)
-            gate = gate_name(scope, item, model, self.nodes) if model else ""
+            has_gate = model is not None and (model.gated or item.spec.gate is not None)
+            gate = gate_name(scope, item, model, self.nodes) if model and has_gate else ""
             targets = list(self._targets(scope, item, gate))
             if model is not None:
                 wiring = _Wiring(scope, item, model, gate, self.header)
@@ -182,8 +183,7 @@ class _Wiring:
         check_weight(scope, item, model, weight, kind, end)
         if len(terms) != 1 or terms[0].factor != 1.0:
             check_linear(scope, item, model, end)
-        values: dict[str, Any] = {each.name: each.default or 0.0 for each in model.parameters}
-        values |= {name: each.value for name, each in parameters.items()}
+        values: dict[str, Any] = {**model.defaults, **{name: each.value for name, each in parameters.items()}}
         origin = item.origin
         for target in targets:
             for term in terms:

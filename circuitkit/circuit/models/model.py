@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from circuitkit.circuit.expression import Expression
@@ -148,12 +149,17 @@ class NeuronModel:
     method: Method = "exponential_euler"
     activation: Unit | None = None
 
-    @property
+    @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
-    @property
+    @cached_property
+    def defaults(self) -> Mapping[str, float]:
+        """A value for every parameter: its default, or zero where a circuit must give one, [SI]."""
+        return {parameter.name: parameter.default or 0.0 for parameter in self.parameters}
+
+    @cached_property
     def continuous(self) -> bool:
         """Whether it advances in substeps."""
         return bool(self.derivatives)
@@ -210,12 +216,17 @@ class SynapseModel:
     increasing: tuple[str, ...] = ()
     plain_source: bool = False
 
-    @property
+    @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
-    @property
+    @cached_property
+    def defaults(self) -> Mapping[str, float]:
+        """A value for every parameter: its default, or zero where a circuit must give one, [SI]."""
+        return {parameter.name: parameter.default or 0.0 for parameter in self.parameters}
+
+    @cached_property
     def gated(self) -> bool:
         """Whether a neuron that gates it must be named."""
         equations = (self.current, *self.derivatives.values(), *self.updates.values(), *self.jumps.values())
