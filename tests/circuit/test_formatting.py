@@ -205,7 +205,8 @@ def test_long_entries_are_wrapped_inside_their_braces_or_become_blocks():
     words = " ".join(["word"] * 12)
     text = f"a: {{one: {words}, two: {words}}}\nb: {{one: {words} {words}}}\n"
     assert write_commented(read_commented(text), 80) == (
-        f"a: {{one: {words},\n    two: {words}}}\nb:\n  one: {words} word word\n    {' '.join(['word'] * 10)}\n"
+        f"a: {{one: {words},\n    two: {words}}}\n"
+        f"b:\n  one: {words} word word\n    {' '.join(['word'] * 10)}\n"
     )
 
 
