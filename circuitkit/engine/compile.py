@@ -51,7 +51,7 @@ def compile_circuit(
         step_s=graph.step_s,
         substeps=graph.substeps,
         input_names=tuple(node.name for node in graph.inputs),
-        neuron_names=_neuron_names(graph),
+        neuron_names=graph.neuron_names,
         output_names=tuple(output.name for output in graph.outputs),
         **{field.name: getattr(lowered, field.name) for field in fields(lowered)},
         members=len(graphs) if is_sweep else 0,
@@ -80,12 +80,6 @@ def _require_alike(graphs: Sequence[CircuitGraph]) -> CircuitGraph:
                 message = f"found another {what} in circuit {number} than in circuit 0; allowed: the same"
                 raise InputError(Problem("", 0, 0, "sweep", message))
     return first
-
-
-def _neuron_names(graph: CircuitGraph) -> Sequence[str]:
-    names = tuple(neuron.name for neuron in graph.neurons)
-    members = (f"{each.name}[{i}]" for each in graph.populations for i in range(each.size))
-    return (*names, *members)
 
 
 def _as_graph(circuit: CircuitGraph | CircuitSpec | str | Path) -> CircuitGraph:

@@ -148,7 +148,7 @@ class Program:
         """
         from circuitkit.engine.run import Stepper
 
-        return Stepper(self, self.initial_state(batch, seed))
+        return Stepper(self, batch, seed)
 
     def pack_inputs(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Put inputs given by name side by side, in the order that `step` and `run` want.

@@ -64,12 +64,12 @@ def _find(program: Program, names: Iterable[str]) -> tuple[list[int], list[int],
     states: list[int] = []
     state_index: dict[str, int] | None = None
     for name in names:
-        if name in program.neuron_index:
-            neurons.append(program.neuron_index[name])
+        if name in program.neuron_names:
+            neurons.append(program.neuron_names.index(name))
         elif name in program.population_columns:
             neurons.extend(program.population_columns[name])
-        elif name in program.output_index:
-            outputs.append(program.output_index[name])
+        elif name in program.output_names:
+            outputs.append(program.output_names.index(name))
         else:
             if state_index is None:
                 state_index = {state: i for i, state in enumerate(program.state_names)}

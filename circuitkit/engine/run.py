@@ -114,8 +114,19 @@ class Stepper:
         readout: Outputs of the circuit after the last step, a read-only view of shape (B, n_outputs), [SI].
     """
 
-    def __init__(self, program: Program, state: State) -> None:
-        self._first = state
+    def __init__(self, program: Program, batch: int | None = None, seed: int = 0) -> None:
+        """Begin at the initial state.
+
+        Args:
+            program: The compiled circuit.
+            batch: Number of copies; by default as many as a sweep has members, else 1.
+            seed: Of the noise: copy b has the seed `seed + b`.
+
+        Raises:
+            InputError: `batch` is not at least 1, or not the number of members of a sweep.
+        """
+        state = program.initial_state(batch, seed)
+        self._seed = state.seed
         self._kernel = program.new_kernel(state.batch)
         self._advance = self._kernel.advance
         self.program = program
@@ -126,7 +137,7 @@ class Stepper:
         bound = None if bind_step is None else bind_step(self._take, self._fail)
         if bound is not None:
             self.step = bound  # type: ignore[method-assign]  # the same in one call
-        self.reset()
+        self._kernel.load(state)
 
     def step(self, inputs: FloatArray | None = None) -> FloatArray:
         """Do one control step.
@@ -163,18 +174,22 @@ class Stepper:
     @property
     def state(self) -> State:
         """A copy of the state; assign one to go on from it."""
-        state = self._first.copy()
+        state = self.program.initial_state(self.batch)
         self._kernel.store(state)
+        state.seed = self._seed.copy()
         return state
 
     @state.setter
     def state(self, state: State) -> None:
         _require_state(self.program, state, self.batch, "state")
+        self._seed = state.seed.copy()
         self._kernel.load(state)
 
     def reset(self) -> None:
-        """Go back to the state that it began with."""
-        self._kernel.load(self._first)
+        """Go back to the initial state, with the seeds as they are."""
+        state = self.program.initial_state(self.batch)
+        state.seed = self._seed
+        self._kernel.load(state)
 
 
 def _require_state(program: Program, state: State, batch: int, where: str) -> None:

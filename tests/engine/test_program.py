@@ -89,7 +89,7 @@ def test_an_unknown_backend_is_named_with_those_there_are(graph):
         compile_circuit(graph, backend="nunpy")
     assert (
         str(error.value)
-        == f"unknown backend 'nunpy'; allowed: {', '.join(BACKEND_NAMES)}; did you mean 'numpy'?"
+        == f"unknown backend 'nunpy'; allowed: auto, {', '.join(BACKEND_NAMES)}; did you mean 'numpy'?"
     )
 
 

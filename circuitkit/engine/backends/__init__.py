@@ -83,7 +83,7 @@ def load_backend(name: str) -> KernelMaker:
     """
     if name not in BACKEND_NAMES:
         kind = "backend"
-        raise UnknownNameError(kind, name, BACKEND_NAMES)
+        raise UnknownNameError(kind, name, (AUTO, *BACKEND_NAMES))
     module = importlib.import_module(f"{__name__}.{name}{_SUFFIX}")
     make_kernel: KernelMaker = module.make_kernel
     return make_kernel

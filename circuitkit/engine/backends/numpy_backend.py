@@ -14,6 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from circuitkit.engine.backends.numpy_dense import DenseKernel, make_dense_kernel
 from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
@@ -46,9 +47,9 @@ class NumpyKernel:
         self._readout = table[slice(*program.readout_rows)]
         self.readout: FloatArray = self._readout.T
         self.readout.flags.writeable = False
-        self._activation_rows = program.activation_rows.astype(np.intp)
-        self._output_rows = program.output_rows.astype(np.intp)
-        self._state_rows = program.state_rows.astype(np.intp)
+        self._activation_rows = _chosen(program.activation_rows)
+        self._output_rows = _chosen(program.output_rows)
+        self._state_rows = _chosen(program.state_rows)
         self._lasting = table[: _lasting(program)].reshape(-1)
         silent = contextvars.copy_context()  # `np.errstate` would cost as much as five operations
         silent.run(np.seterr, all="ignore")
@@ -89,9 +90,9 @@ class NumpyKernel:
 
     def store(self, state: State) -> None:
         """Write the state into the arrays of another one; all but the seeds."""
-        state.activation[...] = self._table.take(self._activation_rows, 0).T
-        state.output[...] = self._table.take(self._output_rows, 0).T
-        state.states[...] = self._table.take(self._state_rows, 0).T
+        state.activation[...] = self._table[self._activation_rows].T
+        state.output[...] = self._table[self._output_rows].T
+        state.states[...] = self._table[self._state_rows].T
         state.readout[...] = self.readout
         state.time = self._work.clock.step
         for number, history in enumerate(state.histories):
@@ -100,7 +101,7 @@ class NumpyKernel:
 
     def store_output(self, output: FloatArray) -> None:
         """Write the neurons' outputs into an array of shape (B, n_neurons)."""
-        output[...] = self._table.take(self._output_rows, 0).T
+        output[...] = self._table[self._output_rows].T
 
     def run(self, inputs: FloatArray, rows: IndexArray, record: FloatArray) -> int:
         """Do T control steps and record rows of the table."""
@@ -111,6 +112,13 @@ class NumpyKernel:
                 return step
             taken[...] = table.take(chosen, 0).T
         return len(inputs)
+
+
+def _chosen(rows: IndexArray) -> slice | npt.NDArray[np.intp]:
+    """What picks rows of the table: a slice if they are neighbours, which copies nothing."""
+    if len(rows) and (np.diff(rows) == 1).all():
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows.astype(np.intp)
 
 
 def _lasting(program: Program) -> int:
