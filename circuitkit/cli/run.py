@@ -31,6 +31,7 @@ def register(app: typer.Typer) -> None:
             'circuitkit run binn_lateral --input "zmp_y=-90 mm" --input force_difference=0.4 --steps 20',
             "circuitkit run binn_lateral --inputs table.csv -o out.nc",
             "circuitkit run binn_lateral --set w=2deg --set q1.slope=50/m --steps 20 --backend numpy",
+            "circuitkit run binn_lateral --input zmp_y=70mm --realtime 1 --rate 1000 --verbose",
             "circuitkit run matsuoka_half_centre --steps 300 --record flexor.v --record joint_angle",
         )
     )(run)
@@ -79,6 +80,18 @@ def run(
     precision: Annotated[
         Precision, typer.Option("--precision", help="Of the numbers it is computed in.")
     ] = Precision.FLOAT64,
+    realtime: Annotated[
+        float | None,
+        typer.Option(
+            "--realtime",
+            metavar="SECONDS",
+            help="Step at a fixed rate instead; tell how late the ticks were.",
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="HZ", help="Of --realtime; by default that of the control step."),
+    ] = None,
     verbose: Verbose = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print a summary with the last row as JSON.")
@@ -89,12 +102,31 @@ def run(
     One row a step; the columns are time_s, then inputs, neurons and outputs by name, each in the unit that
     the circuit file declares. Inputs that are not given are held at 0. Missing folders of OUT are made.
     """
-    from circuitkit.engine.table import require_format, run_table, write_run
-
     constants = named_values(values, "--input", "zmp_y=70mm")
+    if realtime is not None:
+        _require_nothing_else(steps=steps, record=record, output=output)
+        from circuitkit.cli.realtime import run_realtime
+
+        run_realtime(
+            read_graph(file, settings),
+            realtime,
+            rate,
+            constants,
+            table,
+            backend=backend,
+            precision=precision.value,
+            verbose=verbose,
+            as_json=as_json,
+        )
+        return
+    if rate is not None:
+        message = "--rate goes with --realtime SECONDS"
+        raise typer.BadParameter(message)
     if steps is None and table is None:
         message = "give --steps N, or --inputs TABLE.csv with one row a step"
         raise typer.BadParameter(message)
+    from circuitkit.engine.table import require_format, run_table, write_run
+
     if output is not None:
         require_format(output)
     graph = read_graph(file, settings)
@@ -117,6 +149,13 @@ def run(
     if output is not None:
         write_run(result, output)
     _print(result, output, as_json=as_json)
+
+
+def _require_nothing_else(**options: object) -> None:
+    """Refuse options that say what to record, where nothing is."""
+    if any(options.values()):
+        message = "--realtime measures and records nothing; leave out --steps, --record and -o"
+        raise typer.BadParameter(message)
 
 
 def _print(result: RunTable, output: Path | None, *, as_json: bool) -> None:

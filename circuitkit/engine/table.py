@@ -113,7 +113,7 @@ def run_table(
         UnknownNameError: There is nothing of a name in `record`, or no such backend.
         DivergedError: A number that is not finite came out.
     """
-    inputs, given = _inputs(graph, values or {}, table, steps)
+    inputs, given = given_inputs(graph, values or {}, table, steps)
     program = compile_circuit(graph, backend, precision)
     names = tuple(dict.fromkeys(record)) or None
     notes = [*_absent(graph, given), *_range_notes(graph, inputs[:, 0])]
@@ -134,10 +134,14 @@ def run_table(
     )
 
 
-def _inputs(
+def given_inputs(
     graph: CircuitGraph, values: Mapping[str, str], table: Path | None, steps: int | None
 ) -> tuple[FloatArray, set[str]]:
-    """The inputs of every step, shape (T, 1, n_inputs), [SI], and the names of those that were given."""
+    """The inputs of every step, shape (T, 1, n_inputs), [SI], and the names of those that were given.
+
+    Raises:
+        InputError: As `run_table` does.
+    """
     constants = constant_inputs(graph, values)
     columns = read_inputs(graph, table) if table is not None else {}
     _refuse_doubles(constants, columns)

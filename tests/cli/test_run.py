@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 INPUTS = ["force_difference", "zmp_y"]
 NEURONS = ["lf", "bf", "rf", "q1", "q2", "q3", "q4", "h1", "h2", "p1", "p2"]
 
@@ -177,3 +179,38 @@ def test_single_precision(circuitkit):
     one, other = (json.loads(circuitkit(*words, "--precision", p).out) for p in ("float64", "float32"))
     assert one["last"]["q4"] != other["last"]["q4"]
     assert abs(one["last"]["q4"] - other["last"]["q4"]) < 1e-5
+
+
+def test_a_real_time_run_reports_how_late_it_was(circuitkit):
+    words = ("run", "binn_lateral", "--input", "zmp_y=70mm", "--realtime", "0.2", "--backend", "numpy")
+    report = json.loads(circuitkit(*words, "--rate", "200", "--json").out)
+    assert (report["ticks"], report["rate_hz"], report["backend"]) == (40, 200.0, "numpy")
+    assert list(report["lateness_s"]) == ["50.0", "90.0", "99.0", "99.9", "99.99"]
+    assert 0 <= report["missed"] <= 40
+    outcome = circuitkit(*words, "--verbose")
+    assert (outcome.code, outcome.err) == (0, "backend numpy\n")
+    lines = outcome.out.splitlines()
+    assert lines[0] == "binn_lateral, backend numpy: 20 ticks at 100 Hz"  # of the control step
+    assert lines[1].startswith("missed deadlines: ")
+    assert [line.split()[0] for line in lines if line.strip()][-6:] == [
+        "p50", "p90", "p99", "p99.9", "p99.99", "largest",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--realtime", "1", "--steps", "3"), "--realtime measures and records nothing; leave out --steps"),
+        (("--realtime", "1", "-o", "out.csv"), "--realtime measures and records nothing; leave out --steps"),
+        (("--rate", "100", "--steps", "3"), "--rate goes with --realtime SECONDS"),
+    ],
+)
+def test_what_a_real_time_run_cannot_do(circuitkit, more, message):
+    outcome = circuitkit("run", "binn_lateral", *more)
+    assert outcome.code == 2
+    assert message in outcome.err
+
+
+def test_a_rate_of_nothing(circuitkit):
+    outcome = circuitkit("run", "binn_lateral", "--realtime", "1", "--rate", "-5", "--backend", "numpy")
+    assert (outcome.code, outcome.err) == (1, "rate: found -5; allowed: numbers above 0\n")
