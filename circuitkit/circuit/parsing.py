@@ -18,8 +18,9 @@ from circuitkit.circuit.expression import (
     Number,
     Unary,
 )
-from circuitkit.errors import ExpressionError, UnitError, listing, suggest
-from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit
+from circuitkit.circuit.quantities import StandIns, with_stand_ins
+from circuitkit.errors import ExpressionError, listing, suggest
+from circuitkit.units import DIMENSIONLESS, Quantity
 
 _MAX_LENGTH = 1000
 _MAX_DEPTH = 50
@@ -37,12 +38,6 @@ _SYMBOL_OF_NODE: Mapping[type[ast.AST], str] = {
     ast.GtE: ">=",
 }
 _ALLOWED = "allowed: numbers, names, + - * / ^ < <= > >= and functions"
-
-
-_NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?")
-_UNIT = re.compile(r"\s*(?P<over>/\s*)?(?P<symbol>[A-Za-z]+|%)(?:\s*\^\s*-?\d)?(?![\w(.])")
-_FURTHER_UNIT = re.compile(r"\s*[*/]\s*(?P<symbol>[A-Za-z]+)(?:\s*\^\s*-?\d)?(?![\w(.])")
-_FIRST_STAND_IN = 0x4E00  # names from one letter that nobody writes, for quantities
 
 
 def parse_expression(text: str, names: Iterable[str], *, units: bool = False) -> Expression:
@@ -82,45 +77,14 @@ class _Source:
         self.quantities = {
             name: Quantity(value, DIMENSIONLESS) for name, value in CONSTANTS.items() if name not in names
         }
-        self._written: dict[str, str] = {}
-        self._text = self._with_stand_ins(text) if units else text
+        self._text, self._stand_ins = with_stand_ins(text, names) if units else (text, StandIns())
+        self.quantities |= self._stand_ins.quantities
         self._start = len(text) - len(text.lstrip())
         self.python = re.sub(r"\s", " ", self._text.strip()).replace("^", "**")
 
-    def _with_stand_ins(self, text: str) -> str:
-        """The text with a name in the place of every quantity, letter for letter."""
-        pieces, position = [], 0
-        for match in _NUMBER.finditer(text):
-            end = self._end_of_unit(text, match.end())
-            if end > match.end():
-                written = text[match.start() : end]
-                name = chr(_FIRST_STAND_IN + len(self._written)).ljust(len(written), "_")
-                self._written[name] = written
-                self.quantities[name] = parse_quantity(written)
-                pieces += [text[position : match.start()], name]
-                position = end
-        return "".join((*pieces, text[position:]))
-
-    def _end_of_unit(self, text: str, start: int) -> int:
-        """Where the unit behind a number ends; where the number does if there is none."""
-        end, pattern = start, _UNIT
-        while (match := pattern.match(text, end)) is not None and match["symbol"] not in self.names:
-            if match["symbol"] not in UNIT_SYMBOLS:
-                if end == start and not match["over"]:
-                    try:
-                        parse_unit(match["symbol"])
-                    except UnitError as error:
-                        raise ExpressionError(str(error), match.start("symbol")) from error
-                break
-            end, pattern = match.end(), _FURTHER_UNIT
-        return end
-
     def as_written(self, node: ast.expr) -> str:
         """The text of a node."""
-        text = ast.unparse(node)
-        for name, written in self._written.items():
-            text = text.replace(name, written)
-        return text
+        return self._stand_ins.as_written(ast.unparse(node))
 
     def offset(self, column: int) -> int:
         """Where in the text, from 0, a character of the Python expression comes from."""

@@ -13,22 +13,16 @@ from functools import lru_cache
 from circuitkit.circuit.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name
 from circuitkit.circuit.measures import MEASURE_FUNCTIONS, Measure, MisfitError, is_finite, measure
 from circuitkit.circuit.parsing import parse_expression
+from circuitkit.circuit.quantities import with_stand_ins
 from circuitkit.errors import ExpressionError, UnitError, listing, suggest
 from circuitkit.source import describe
 from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit, plain_signs
 
 _UNITS = frozenset(UNIT_SYMBOLS) - {"1", "%"}
 _LONE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_TOKEN = re.compile(
-    r"(?P<number>(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?)"
-    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
-)
-_UNIT_AFTER_NUMBER = re.compile(
-    r"\s*(?P<over>/\s*|1/)?(?P<symbol>[A-Za-z%]+)(?:\s*\^\s*-?\d(?!\w))?(?![\w(])"
-)
-_FURTHER_UNIT = re.compile(r"\s*[*/]\s*(?P<symbol>[A-Za-z%]+)(?:\s*\^\s*-?\d(?!\w))?(?![\w(.])")
+_NAME = re.compile(r"(?<![\w.])(?P<name>[^\W\d]\w*(?:\.[A-Za-z_]\w*)*)(?P<opening>\s*\()?")
+_IS_JOINED = re.compile(r"[A-Za-z_]\s*\(|.[-+*/^<>]|^[^\d.+-]")
 _NOT_FINITE = frozenset({"nan", "inf", "infinity"})
-_FIRST_STAND_IN = 0x4E00  # one-letter names that no author writes, for quantities and names with dots
 
 
 class ValueProblemError(Exception):
@@ -104,7 +98,7 @@ def names_in(value: object) -> frozenset[str]:
     """The names that a value of the file mentions, of whatever kind."""
     if not isinstance(value, str):
         return frozenset()
-    return frozenset(match["name"] for match in _TOKEN.finditer(value) if match["name"])
+    return frozenset(match["name"] for match in _NAME.finditer(value))
 
 
 def _computed(formula: _Formula, values: Mapping[str, Measure]) -> Measure:
@@ -157,94 +151,39 @@ def _read(text: str) -> Quantity | _Formula:
         return parse_quantity(stripped)
     except UnitError as error:
         refusal = error
-    formula, stand_ins = _with_stand_ins(plain_signs(text))
     try:
-        tree = parse_expression(formula, stand_ins.everything)
+        return _formula(text)
     except ExpressionError as error:
-        if not stand_ins.names and not stand_ins.has_operator(formula):
-            raise ValueProblemError(str(refusal)) from error  # a number, and something that is no unit
-        message = stand_ins.as_written(str(error), formula, text)
-        raise ValueProblemError(message, offset=getattr(error, "offset", 0)) from error
-    return _Formula(text, tree, stand_ins.quantities, stand_ins.names)
+        is_unit = isinstance(error.__cause__, UnitError)
+        if is_unit or _IS_JOINED.search(stripped) or not stripped:
+            raise ValueProblemError(str(error), offset=error.offset) from error
+        raise ValueProblemError(str(refusal)) from error  # a number, and something that is no unit
 
 
-class _StandIns:
-    """Names that take the place of quantities and of names with dots, letter for letter."""
-
-    def __init__(self) -> None:
-        self.quantities: dict[str, Measure] = {}
-        self.names: dict[str, tuple[str, int]] = {}
-        self.texts: dict[str, str] = {}
-
-    def add(self, text: str) -> str:
-        """A stand-in as long as the text."""
-        name = chr(_FIRST_STAND_IN + len(self.texts)) + "_" * (len(text) - 1)
-        self.texts[name] = text
-        return name
-
-    @property
-    def everything(self) -> list[str]:
-        """All names that the expression then has."""
-        return [*self.quantities, *self.names]
-
-    @staticmethod
-    def has_operator(formula: str) -> bool:
-        """Whether anything is joined in it."""
-        return any(sign in formula.strip().lstrip("+-") for sign in "+-*/(^<>")
-
-    def as_written(self, message: str, formula: str, text: str) -> str:
-        """A message with the author's own text instead of stand-ins."""
-        message = message.replace(formula, text)
-        for name, written in self.texts.items():
-            message = message.replace(name, written)
-        return message
-
-
-def _with_stand_ins(text: str) -> tuple[str, _StandIns]:
-    """The text with stand-ins, as long as before, and what they stand for.
+def _formula(text: str) -> _Formula:
+    """A text of the file as an expression.
 
     Raises:
-        ValueProblemError: A number is followed by something that is no unit.
+        ExpressionError: It is none.
     """
-    stand_ins = _StandIns()
-    pieces: list[str] = []
-    position = 0
-    while (match := _TOKEN.search(text, position)) is not None:
-        pieces.append(text[position : match.start()])
-        position = match.end()
-        if match["number"]:
-            position = _end_of_unit(text, position)
-            piece = text[match.start() : position]
-            if position > match.end():
-                key = stand_ins.add(piece)
-                quantity = parse_quantity(piece)
-                stand_ins.quantities[key] = Measure(quantity.value_si, quantity.unit)
-                piece = key
-        else:
-            piece = name = match["name"]
-            if not (name in SCALAR_FUNCTIONS and text[position:].lstrip().startswith("(")):
-                piece = stand_ins.add(name) if "." in name else name
-                stand_ins.names.setdefault(piece, (name, match.start()))
-        pieces.append(piece)
-    return "".join((*pieces, text[position:])), stand_ins
-
-
-def _end_of_unit(text: str, start: int) -> int:
-    """Where the unit after a number ends; where it starts if there is none."""
-    match = _UNIT_AFTER_NUMBER.match(text, start)
-    if match is None:
-        return start
-    if match["symbol"] not in _UNITS and match["symbol"] != "%":
-        if match["over"]:
-            return start
-        try:
-            parse_unit(match["symbol"])
-        except UnitError as error:
-            raise ValueProblemError(str(error), offset=match.start("symbol")) from error
-    end = match.end()
-    while (match := _FURTHER_UNIT.match(text, end)) is not None and match["symbol"] in _UNITS:
-        end = match.end()
-    return end
+    formula, stand_ins = with_stand_ins(plain_signs(text))
+    names: dict[str, tuple[str, int]] = {}
+    pieces, position = [], 0
+    for match in _NAME.finditer(formula):
+        name = match["name"]
+        if name not in stand_ins.quantities and not (name in SCALAR_FUNCTIONS and match["opening"]):
+            piece = stand_ins.add(name) if "." in name else name
+            names.setdefault(piece, (name, match.start()))
+            pieces += [formula[position : match.start()], piece]
+            position = match.end("name")
+    formula = "".join((*pieces, formula[position:]))
+    try:
+        tree = parse_expression(formula, (*names, *stand_ins.quantities))
+    except ExpressionError as error:
+        message = stand_ins.as_written(str(error).replace(formula, text))
+        raise ExpressionError(message, error.offset) from error
+    quantities = {key: Measure(each.value_si, each.unit) for key, each in stand_ins.quantities.items()}
+    return _Formula(text, tree, quantities, names)
 
 
 def _finite(number: float) -> float:
