@@ -11,6 +11,7 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from scipy import sparse, stats
 
@@ -177,9 +178,12 @@ def matrix_circuit(name: str, weight: str = "-1") -> str:
     )
 
 
-@pytest.mark.parametrize("kind", ["csv", "csv edges", "npz dense", "npz csr", "npz csc", "npz coo"])
+@pytest.mark.parametrize("kind", ["csv", "csv edges", "parquet", "npz dense", "npz csr", "npz csc", "npz coo"])
 def test_matrix_files_of_all_kinds_say_the_same(kind):
-    if kind == "csv":
+    if kind == "parquet":
+        edges = pandas.DataFrame({"target": [1, 0, 0], "source": [0, 7, 1], "weight": [3.0, -2.25, 1.5]})
+        edges.to_parquet("w.parquet")
+    elif kind == "csv":
         np.savetxt("w.csv", W, delimiter=",")
     elif kind == "csv edges":
         Path("w.csv").write_text("target,source,weight\n1,0,3\n0,7,-2.25\n0,1,1.5\n", encoding="utf-8")
@@ -187,7 +191,8 @@ def test_matrix_files_of_all_kinds_say_the_same(kind):
         np.savez("w.npz", W)
     else:
         sparse.save_npz("w.npz", getattr(sparse, f"{kind[-3:]}_matrix")(W))
-    found = resolve(parse_circuit(matrix_circuit("w.csv" if "csv" in kind[:3] else "w.npz"))).projections[2]
+    suffix = kind.split()[0]
+    found = resolve(parse_circuit(matrix_circuit(f"w.{suffix}"))).projections[2]
     assert found.indptr.tolist() == [0, 2, 3]
     assert found.sources.tolist() == [1, 7, 0]
     assert found.weights == pytest.approx(np.array([1.5, -2.25, 3]) * -0.001)
