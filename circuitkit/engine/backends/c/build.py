@@ -139,12 +139,12 @@ def _private_folder() -> Path:
 
 def _key(source: str, flags: list[str]) -> str:
     headers = [(HERE / name).read_text(encoding="utf-8") for name in HEADERS]
-    parts = (source, *headers, *_all_flags(flags), *_compiler_identity(), _processor(), _abi())
+    parts = (source, *headers, *_FLAGS, *_more_flags(), *flags, *_compiler_identity(), _processor(), _abi())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 
 
-def _all_flags(flags: list[str]) -> list[str]:
-    return [*_FLAGS, *flags, *os.environ.get("CIRCUITKIT_CFLAGS", "").split()]
+def _more_flags() -> list[str]:
+    return os.environ.get("CIRCUITKIT_CFLAGS", "").split()
 
 
 def _compiler() -> str | None:
@@ -211,16 +211,8 @@ def _compile(folder: Path, target: str, flags: list[str]) -> None:
 
     reason = ""
     for native in ([_NATIVE], []):
-        command = [
-            _compiler() or "cc",
-            *_all_flags([]),
-            *native,
-            f"-I{HERE}",
-            "program.c",
-            "-o",
-            target,
-            *flags,
-        ]
+        before = [_compiler() or "cc", *_FLAGS, *native, *_more_flags()]
+        command = [*before, f"-I{HERE}", "program.c", "-o", target, *flags]
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
         )
