@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import stat
 from dataclasses import replace
+from random import Random
 
 import pytest
 import strategies
@@ -199,6 +200,39 @@ e: "# no comment"  # a comment
 f: [1, 2]          # beside f
 """
     )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_comments_anywhere_in_shipped_circuits_survive(seed):
+    random = Random(seed)
+    for name in shipped_names("circuits"):
+        text = "\n".join(_disturbed((data_folder("circuits") / f"{name}.yaml").read_text(), random))
+        tree = read_commented(text)
+        after = write_commented(tree, 110)
+        assert sorted(read_commented(after).comments) == sorted(tree.comments)
+        assert parse_yaml(after).data == parse_yaml(text).data
+        assert write_commented(read_commented(after), 110) == after
+
+
+def _disturbed(text, random):
+    """The lines of a text, with comments between and behind them and inside braces."""
+    for number, line in enumerate(text.splitlines()):
+        if random.random() < 0.1:
+            yield f"{' ' * random.choice([0, 2, 3, 4, 6])}# above {number} {{a: 1}}"
+        commas = [match.start() for match in re.finditer(", ", line)]
+        if (
+            "#" in line
+            or '"' in line
+            or line.lstrip()[:1] not in {"-", "q", "l", "p"}
+            or not line.endswith("}")
+        ):
+            yield line
+        elif commas and random.random() < 0.5:
+            at = random.choice(commas) + 1
+            yield f"{line[:at]}  # inside {number}"
+            yield f"{' ' * 12}{line[at + 1 :]}"
+        else:
+            yield f"{line}  # beside {number}"
 
 
 def test_long_entries_are_wrapped_inside_their_braces_or_become_blocks():
