@@ -121,7 +121,9 @@ class Program:
 
         def begin(rows: IndexArray | slice) -> FloatArray:
             values = first[rows].T
-            return np.array(np.broadcast_to(values, (size, values.shape[1])), order="C")
+            copies = np.empty((size, values.shape[1]))
+            copies[...] = values
+            return copies
 
         def past(memory: Remember) -> FloatArray:
             return np.repeat(begin(memory.sources)[:, np.newaxis], memory.depth, axis=1)
@@ -194,9 +196,10 @@ class Program:
                 batch.
         """
         require_inputs(inputs, self.input_names)
-        bad = np.argwhere(~np.isfinite(inputs))
-        if not len(bad):
+        is_finite = np.isfinite(inputs)
+        if is_finite.all():
             return
+        bad = np.argwhere(~is_finite)
         *step, member, column = (int(i) for i in bad[0])
         place = f"step {step[0]}, batch member {member}" if step else f"batch member {member}"
         found = inputs[tuple(bad[0])]
