@@ -18,10 +18,11 @@ _JOINT = re.compile(r"(?<=[^\s\\]) (?=[^\s])")
 
 @dataclass(frozen=True)
 class _Line:
-    """A line of the text and the comment behind it."""
+    """A line of the text and the comment behind it; `inside` a text of several lines, empty ones count."""
 
     text: str
     comment: str = ""
+    inside: bool = False
 
 
 def write_commented(tree: CommentedText, width: int) -> str:
@@ -39,7 +40,7 @@ def _without_doubles(lines: Iterable[_Line]) -> list[_Line]:
     """The lines without empty ones at the ends or after each other."""
     kept: list[_Line] = []
     for line in lines:
-        if line.text or (kept and kept[-1].text):
+        if line.text or line.inside or (kept and (kept[-1].text or kept[-1].inside)):
             kept.append(line)
     while kept and not kept[-1].text:
         kept.pop()
@@ -102,7 +103,7 @@ class _Writer:
             yield _Line(" " * indent + text)
         for number, line in enumerate(lines):
             last = number == (0 if literal else len(lines) - 1)
-            yield _Line(line, comments[-1] if comments and last else "")
+            yield _Line(line, comments[-1] if comments and last else "", inside=number > 0)
 
     def _block(self, entry: Entry, value: Collection, head: str, indent: int) -> Iterator[_Line]:
         """A mapping or list below its key; behind a dash it begins on the same line."""
