@@ -32,6 +32,9 @@ class Code:
     """Lines of a function and the globals that its names stand for.
 
     Attributes:
+        takes: What is done first, if anything.
+        reads: How inputs get a name.
+        n_inputs: Number of inputs, from place 1 on.
         lines: What is done in a step.
         checks: Conditions that hold if all is finite.
         names: The globals.
@@ -39,6 +42,9 @@ class Code:
     """
 
     def __init__(self, numbers: memoryview) -> None:
+        self.takes: list[str] = []
+        self.reads: list[str] = []
+        self.n_inputs = 0
         self.lines: list[str] = []
         self.checks: list[str] = []
         self.names: dict[str, Any] = {"m": numbers, "exp": math.exp, "tanh": math.tanh, "INF": math.inf}
@@ -67,9 +73,19 @@ class Code:
         """Text for the number at a place: its name, if it has one already, or a look into the array."""
         return self.values.get(place, f"m[{place}]")
 
-    def function(self, head: str, ending: Sequence[str]) -> Callable[..., Any]:
-        """The function with this head and these last lines; several functions share their globals."""
-        body = [f"global {', '.join(sorted(self.written))}", *self.lines, "time += 1", *ending]
+    def function(self, head: str, refusal: str, ending: Sequence[str]) -> Callable[..., Any]:
+        """A function; several share their globals.
+
+        Args:
+            head: Its name and arguments.
+            refusal: What it does, before all else, if an input is not finite.
+            ending: Its last lines.
+        """
+        start = [f"global {', '.join(sorted(self.written))}", *self.takes, *self.reads]
+        if self.n_inputs:  # zero times a number is zero, or not a number if the number is not finite
+            read = [f"{self.value(1 + i)} * 0.0" for i in range(self.n_inputs)]
+            start += [f"if {' + '.join(read)} != 0.0:", f"    {refusal}"]
+        body = [*start, *self.lines, "time += 1", *ending]
         text = f"def {head}:\n    " + "\n    ".join(body) + "\n"
         exec(compile(text, f"<{head}>", "exec"), self.names)  # the text is our own
         made: Callable[..., Any] = self.names[head.partition("(")[0]]

@@ -293,11 +293,13 @@ class Readout:
     """Outputs of the circuit as `clip(matrix s, low, high)`, s being the numbers as they stand.
 
     Attributes:
-        matrix: Shape (n_outputs, count).
+        first: The first of the places that are multiplied.
+        matrix: Shape (n_outputs, number of places that are multiplied).
         low: Lower limits, shape (n_outputs, 1).
         high: Upper limits, shape (n_outputs, 1).
     """
 
+    first: int
     matrix: FloatArray
     low: FloatArray
     high: FloatArray
@@ -316,7 +318,9 @@ def make_readout(operations: Sequence[Operation], layout: Layout) -> Readout | N
         elif not _accumulate(found, rows, limits):
             return None
     part = slice(*layout.readouts)
-    return Readout(rows[part], limits[part, :1], limits[part, 1:])
+    used = np.flatnonzero(rows[part].any(axis=0))
+    first, stop = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 1)
+    return Readout(first, rows[part, first:stop], limits[part, :1], limits[part, 1:])
 
 
 def _accumulate(operation: Map, rows: FloatArray, limits: FloatArray) -> bool:
@@ -349,7 +353,8 @@ def matrices(stages: Sequence[Stage], layout: Layout, sigmoid: float) -> list[Fl
     found = []
     for number, (stage, elements) in enumerate(zip(stages, layout.elements, strict=True)):
         is_last = number == len(stages) - 1
-        matrix = np.zeros((len(elements) + is_last, layout.count))
+        n_rows = max(len(elements) + is_last, 2)  # numpy copies the numbers before it multiplies one row
+        matrix = np.zeros((n_rows, layout.count))
         for i, element in enumerate(elements):
             matrix[i, 0] = element.constant
             for row, weight in stage.terms[element.row]:

@@ -14,7 +14,6 @@ from scipy.special import expit
 from circuitkit.engine.backends.dense_code import Code, one_by_one, quicker_one_by_one, read_out
 from circuitkit.engine.backends.dense_plan import (
     IDENTITY,
-    Layout,
     Stage,
     dense_stages,
     make_layout,
@@ -22,6 +21,7 @@ from circuitkit.engine.backends.dense_plan import (
     matrices,
     moved,
 )
+from circuitkit.engine.backends.dense_state import Activations, Block
 from circuitkit.engine.backends.numpy_operations import Workspace, bind_operation
 from circuitkit.engine.state import FloatArray, State
 
@@ -53,28 +53,36 @@ class DenseKernel:
         number = np.dtype(program.precision)
         self.batch = batch
         self._layout, self._stages, self._program = layout, stages, program
-        self._numbers = np.zeros((layout.count, batch), dtype=number)
-        self._numbers[0] = 1.0
         self._mirrored = batch > _SINGLE
         sign = -1.0 if self._mirrored else 1.0
         self._matrices = [matrix.astype(number) for matrix in matrices(stages, layout, sign)]
-        self._arguments = [np.zeros((len(matrix), batch), dtype=number) for matrix in self._matrices]
-        self.inputs: FloatArray = self._numbers[1 : 1 + len(program.input_names)].T
-        self._readout = self._numbers[slice(*layout.readouts)]
+        self._blocks = [
+            Block(slice(start, min(start + _BLOCK, batch)), layout, self._matrices, number)
+            for start in range(0, batch, _BLOCK)
+        ]
+        self._inputs = self._whole(slice(1, 1 + len(program.input_names)))
+        self._readout = self._whole(slice(*layout.readouts))
+        self.inputs: FloatArray = self._inputs.T
         self.readout: FloatArray = self._readout.T
         self.readout.flags.writeable = False
         self._output_places = np.array([layout.place[row] for row in program.output_rows.tolist()], np.intp)
-        self._activations = Activations(program, layout, self._arguments, sign)
+        self._activations = Activations(program, layout, sign)
         self._given = np.zeros((batch, len(program.activation_rows)))
         self._time = self._loaded = 0
         self._code: Code | None = None
         if batch == 1:
             self._code = self._straight()
             self.advance: Callable[[], bool] = self._loud(
-                self._code.function("advance()", [f"return {self._condition()}"])
+                self._code.function("advance()", "return False", [f"return {self._condition()}"])
             )
         else:
             self.advance = _silently(self._blocked())
+
+    def _whole(self, places: slice) -> FloatArray:
+        """Numbers at places for the whole batch: those of the only block, or an array beside the blocks."""
+        if len(self._blocks) == 1:
+            return self._blocks[0].numbers[places]
+        return np.zeros((places.stop - places.start, self.batch), dtype=self._blocks[0].numbers.dtype)
 
     # --- one circuit --------------------------------------------------------------------------------------
 
@@ -92,17 +100,14 @@ class DenseKernel:
         taking = ["take(inputs)"]
         if 0 < len(self._program.input_names) <= _FEW_INPUTS:  # one by one; what does not fit, `take` refuses
             taking = ["try:", f"    (({names},),) = inputs.tolist()", "except Exception:", "    take(inputs)"]
-        self._code.lines[:0] = first = ["if inputs is not None:", *(f"    {line}" for line in taking)]
-        step = self._code.function(
-            "step(inputs=None)", [f"if not ({self._condition()}):", "    fail()", "return readout"]
-        )
-        del self._code.lines[: len(first)]
-        return self._loud(step)
+        self._code.takes = ["if inputs is not None:", *(f"    {line}" for line in taking)]
+        ending = [f"if not ({self._condition()}):", "    fail()", "return readout"]
+        return self._loud(self._code.function("step(inputs=None)", "fail()", ending))
 
     def _condition(self) -> str:
         code = self._code
         checks = code.checks if code is not None else []
-        return f"({' and '.join(checks)}) or is_finite()" if checks else "is_finite()"
+        return f"({' and '.join(checks)}) or is_finite()" if checks else "True"
 
     def _loud(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """The function, without numpy's warnings if it can give any."""
@@ -111,9 +116,10 @@ class DenseKernel:
 
     def _straight(self) -> Code:
         """The step as straight code."""
-        numbers = self._numbers.reshape(-1)
+        numbers = self._blocks[0].numbers.reshape(-1)
         code = Code(numbers.data)
         code.names |= {"time": 0, "is_finite": self._is_finite}
+        code.n_inputs = len(self._program.input_names)
         self._by_number = quicker_one_by_one(self._stages, self._layout)
         if self._by_number:
             self._print_numbers(code)
@@ -121,7 +127,7 @@ class DenseKernel:
             self._print_arrays(code, numbers)
         if not read_out(code, self._program.after, self._layout):
             self._push_first(code)
-            work = Workspace(self._numbers)
+            work = Workspace(self._blocks[0].numbers)
             for operation in self._program.after:
                 for call in bind_operation(moved(operation, self._layout), work, in_substeps=False):
                     code.call(call)
@@ -130,10 +136,8 @@ class DenseKernel:
 
     def _print_numbers(self, code: Code) -> None:
         for i in range(len(self._program.input_names)):
-            code.lines.append(f"u{1 + i} = m[{1 + i}]")
+            code.reads.append(f"u{1 + i} = m[{1 + i}]")
             code.values[1 + i] = f"u{1 + i}"
-        total = " + ".join(code.values.values()) or "0.0"
-        code.checks.append(f"{total} - ({total}) == 0.0")
         for parts, joints in zip(self._layout.parts, self._layout.joints, strict=True):
             places = [place for _, start, stop in parts for place in range(start, stop)]
             for place in [*places, *(target for target, _, _, _ in joints)]:
@@ -145,7 +149,7 @@ class DenseKernel:
             code.checks.append(f"({outputs}) - ({outputs}) == 0.0")
 
     def _print_arrays(self, code: Code, numbers: FloatArray) -> None:
-        parts = zip(self._stages, self._matrices, self._arguments, self._layout.parts, strict=True)
+        parts = zip(self._stages, self._matrices, self._blocks[0].arguments, self._layout.parts, strict=True)
         for number, (stage, matrix, arguments, functions) in enumerate(parts):
             x = arguments.reshape(-1)
             for source, target in stage.copies:
@@ -159,8 +163,6 @@ class DenseKernel:
                 code.call(called, *its_arguments)
             for target, joint, first, second in self._layout.joints[number]:
                 code.lines.append(f"m[{target}] = m[{first}] {joint} m[{second}]")
-            if number == len(self._stages) - 1:
-                code.checks.append(f"{code.bind(x.data)}[{len(x) - 1}] == 0.0")
         if not self._layout.is_bounded:
             code.checks.append("is_finite()")
 
@@ -172,7 +174,7 @@ class DenseKernel:
 
     def _is_finite(self) -> bool:
         self._pull()
-        return all(map(_is_finite, (self._numbers, *self._arguments)))
+        return all(map(_is_finite, (self._blocks[0].numbers, *self._blocks[0].arguments)))
 
     def _pull(self) -> None:
         """Put what straight code keeps to itself into the arrays."""
@@ -183,8 +185,8 @@ class DenseKernel:
         if self._by_number:
             for place, name in self._code.values.items():
                 if name.startswith("o"):
-                    self._numbers[place] = names[name]
-            for number, x in enumerate(self._arguments):
+                    self._blocks[0].numbers[place] = names[name]
+            for number, x in enumerate(self._blocks[0].arguments):
                 n = len(self._layout.elements[number])
                 x[:n, 0] = [names[f"x{number}_{i}"] for i in range(n)]
 
@@ -196,21 +198,23 @@ class DenseKernel:
         names["time"] = self._time
         for name in self._code.written:
             if name[0] in "oy":
-                names[name] = float(self._numbers[int(name[1:]), 0])
+                names[name] = float(self._blocks[0].numbers[int(name[1:]), 0])
 
     # --- a batch ------------------------------------------------------------------------------------------
 
     def _blocked(self) -> Callable[[], bool]:
         """The step of a batch, block after block."""
         calls: list[Callable[[], object]] = []
-        for begin in range(0, self.batch, _BLOCK) if self.batch > _BLOCK else ():
-            members = slice(begin, min(begin + _BLOCK, self.batch))
-            calls += self._block(self._numbers[:, members], [x[:, members] for x in self._arguments])
-        if self.batch <= _BLOCK:
-            calls = self._block(self._numbers, self._arguments)
-        checked = [self._readout, self._arguments[-1][-1]]
-        if not self._layout.is_bounded:
-            checked.append(self._numbers)
+        checked: list[FloatArray] = [self._readout]
+        for block in self._blocks:
+            inputs, readout = slice(1, 1 + len(self._inputs)), slice(*self._layout.readouts)
+            if len(self._blocks) > 1:
+                calls.append(partial(np.copyto, block.numbers[inputs], self._inputs[:, block.members]))
+            calls += self._stage_calls(block)
+            calls += self._read_out(block.numbers)
+            if len(self._blocks) > 1:
+                calls.append(partial(np.copyto, self._readout[:, block.members], block.numbers[readout]))
+            checked.append(block.arguments[-1][-1] if self._layout.is_bounded else block.numbers)
         # Zero times a number is zero, or not a number if the number is not finite.
         sums = [
             partial(np.zeros(each.size, each.dtype).dot, each.reshape(-1)) for each in checked if each.size
@@ -224,23 +228,23 @@ class DenseKernel:
 
         return advance
 
-    def _block(self, numbers: FloatArray, arguments: Sequence[FloatArray]) -> list[Callable[[], object]]:
+    def _stage_calls(self, block: Block) -> list[Callable[[], object]]:
         calls: list[Callable[[], object]] = []
-        layout = self._layout
-        parts = zip(self._stages, self._matrices, arguments, layout.parts, layout.joints, strict=True)
+        layout, numbers = self._layout, block.numbers
+        parts = zip(self._stages, self._matrices, block.arguments, layout.parts, layout.joints, strict=True)
         for stage, matrix, x, functions, joints in parts:
             for source, target in stage.copies:
                 calls.append(partial(np.copyto, numbers[layout.place[target]], numbers[layout.place[source]]))
-            calls.append(_product(matrix, numbers[: matrix.shape[1]], x))
+            calls.append(partial(matrix.dot, numbers[: matrix.shape[1]], x))
             start = 0
             for function, begin, end in functions:
-                given, result = x[start : start + end - begin], numbers[begin:end]
+                given, result = x[start : start + end - begin].reshape(-1), numbers[begin:end].reshape(-1)
                 start += end - begin
                 calls += _function_calls(function, given, result, mirrored=self._mirrored)
             for target, joint, first, second in joints:
                 ufunc = {"*": np.multiply, "+": np.add, "-": np.subtract}[joint]
                 calls.append(partial(ufunc, numbers[first], numbers[second], numbers[target]))
-        return calls + self._read_out(numbers)
+        return calls
 
     def _read_out(self, numbers: FloatArray) -> list[Callable[[], object]]:
         readout = make_readout(self._program.after, self._layout)
@@ -252,7 +256,8 @@ class DenseKernel:
             return []
         number = numbers.dtype
         summed = np.empty((len(readout.matrix), numbers.shape[1]), dtype=number)
-        product = _product(readout.matrix.astype(number), numbers, summed)
+        matrix = readout.matrix.astype(number)
+        product = partial(matrix.dot, numbers[readout.first : readout.first + matrix.shape[1]], summed)
         low, high = (
             np.array(np.broadcast_to(limit, summed.shape), dtype=number)
             for limit in (readout.low, readout.high)
@@ -267,7 +272,9 @@ class DenseKernel:
 
     def load(self, state: State) -> None:
         """Take over a state."""
-        self._numbers[self._output_places] = state.output.T
+        for block in self._blocks:
+            block.numbers[self._output_places] = state.output[block.members].T
+            block.numbers[slice(*self._layout.readouts)] = state.readout[block.members].T
         self._readout[...] = state.readout.T
         self._given[...] = state.activation
         self._loaded = self._time = state.time
@@ -275,70 +282,42 @@ class DenseKernel:
 
     def store(self, state: State) -> None:
         """Write the state into the arrays of another one; all but the seeds."""
-        self._pull()
-        self._activations.store(state.activation)
-        if self._time == self._loaded:
-            state.activation[...] = self._given
-        state.output[...] = self._numbers.take(self._output_places, 0).T
+        self.store_output(state.output)
+        self._store_activation(state.activation)
         state.readout[...] = self.readout
         state.time = self._time
 
     def store_output(self, output: FloatArray) -> None:
         """Write the neurons' outputs into an array of shape (B, n_neurons)."""
         self._pull()
-        output[...] = self._numbers.take(self._output_places, 0).T
+        for block in self._blocks:
+            output[block.members] = block.numbers.take(self._output_places, 0).T
+
+    def _store_activation(self, activation: FloatArray) -> None:
+        if self._time == self._loaded:
+            activation[...] = self._given
+            return
+        for block in self._blocks:
+            self._activations.store(block.arguments, activation[block.members])
 
     def run(self, inputs: FloatArray, rows: IndexArray, record: FloatArray) -> int:
         """Do T control steps and record rows of the table."""
-        n = len(self._output_places)
-        places = np.array([self._layout.place.get(row, -1) for row in rows.tolist()], dtype=np.intp)
-        column = {row: i for i, row in enumerate(self._program.activation_rows.tolist())}
-        hidden = np.flatnonzero(places < 0)
-        columns = np.array([column[int(rows[i])] for i in hidden], dtype=np.intp)
-        activation = np.empty((self.batch, n))
+        program, batch = self._program, self.batch
+        n, m = len(program.activation_rows), len(program.output_names)
+        first = (program.activation_rows, program.output_rows, np.arange(*program.readout_rows))
+        column = {row: i for i, row in enumerate(np.concatenate(first).tolist())}
+        columns = np.array([column[row] for row in rows.tolist()], dtype=np.intp)
+        everything = np.empty((batch, 2 * n + m))
         own, advance = self.inputs, self.advance
         for step, (given, taken) in enumerate(zip(inputs, record, strict=True)):
             own[...] = given
             if not advance():
                 return step
-            self._pull()
-            taken[...] = self._numbers.take(places, 0, mode="clip").T
-            if len(hidden):
-                self._activations.store(activation)
-                taken[:, hidden] = activation[:, columns]
+            self.store_output(everything[:, n : 2 * n])
+            self._store_activation(everything[:, :n])
+            everything[:, 2 * n :] = self.readout
+            everything.take(columns, 1, taken, "clip")
         return len(inputs)
-
-
-class Activations:
-    """Works out A from x = gain A + constant, by the element of each neuron with the largest gain."""
-
-    def __init__(
-        self, program: Program, layout: Layout, arguments: Sequence[FloatArray], sigmoid: float
-    ) -> None:
-        self._parts: list[tuple[FloatArray, list[int], list[int], FloatArray, FloatArray]] = []
-        column = {row: i for i, row in enumerate(program.activation_rows.tolist())}
-        for elements, x in zip(layout.elements, arguments, strict=True):
-            best: dict[int, int] = {}
-            for i, element in enumerate(elements):
-                if element.row not in best or abs(element.gain) > abs(elements[best[element.row]].gain):
-                    best[element.row] = i
-            columns, rows = [column[row] for row in best], list(best.values())
-            signs = np.array([sigmoid if elements[i].function == "sigmoid" else 1.0 for i in rows])
-            gains = (signs * [elements[i].gain for i in rows])[:, np.newaxis]
-            constants = (signs * [elements[i].constant for i in rows])[:, np.newaxis]
-            self._parts.append((x, columns, rows, gains, constants))
-
-    def store(self, activation: FloatArray) -> None:
-        """Write the activations into an array of shape (B, n_neurons)."""
-        for x, columns, rows, gains, constants in self._parts:
-            activation[:, columns] = ((x[rows] - constants) / gains).T
-
-
-def _product(matrix: FloatArray, numbers: FloatArray, result: FloatArray) -> Callable[[], object]:
-    """The call for `matrix @ numbers`; the method is quicker, where the result is contiguous."""
-    if result.flags.c_contiguous:
-        return partial(matrix.dot, numbers, result)
-    return partial(np.matmul, matrix, numbers, result)
 
 
 def _function_call(
@@ -363,8 +342,6 @@ def _function_calls(
     """Calls that do a function for a batch; 1 / (1 + exp(x)) by numpy's vectorised exp if x is mirrored."""
     if function == "sigmoid" and mirrored:
         one = np.ones((), dtype=x.dtype)
-        if x.flags.c_contiguous and result.flags.c_contiguous:
-            x, result = x.reshape(-1), result.reshape(-1)  # with one axis there is less to find out
         return [
             partial(np.exp, x, result),
             partial(np.add, result, one, result),

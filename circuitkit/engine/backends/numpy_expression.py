@@ -127,7 +127,7 @@ class _Binder:
 
     def _write_sigmoid(self, argument: Expression, target: FloatArray) -> None:
         """1 / (1 + exp(-x)): unlike expit, numpy's exp is vectorised, with the same bits for any size."""
-        one = np.ones(target.shape if target.size < _LARGE else (1,) * target.ndim, dtype=target.dtype)
+        one = np.ones(target.shape if target.size < _LARGE else (), dtype=target.dtype)
         self.write(_negative(argument), target)
         self.operations += [
             partial(np.exp, target, target),
@@ -155,7 +155,7 @@ class _Binder:
                 operands = (self._operand(left, like), self._operand(right, like))
                 self.operations.append(partial(_BINARY[joint], *operands, holds))
             case _:
-                zero = np.zeros((1,) * like.ndim, dtype=like.dtype)
+                zero = np.zeros((), dtype=like.dtype)
                 self.operations.append(partial(np.not_equal, self._operand(expression, like), zero, holds))
         return holds
 
@@ -177,9 +177,9 @@ class _Binder:
         if not self._changes(expression):
             with np.errstate(all="ignore"):
                 value = np.asarray(expression.evaluate(self._constants, NUMPY_FUNCTIONS), dtype=like.dtype)
-            if like.size < _LARGE:
-                return np.array(np.broadcast_to(value, like.shape), order="C")
-            return value if value.ndim else value.reshape((1,) * like.ndim)
+            if like.size >= _LARGE and value.size == 1:
+                return value.reshape(())  # numpy would set up buffers to spread a column of numbers
+            return np.array(np.broadcast_to(value, like.shape), order="C")
         if isinstance(expression, Name):
             return self._variables[expression.name]
         own = np.empty_like(like)
