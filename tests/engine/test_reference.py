@@ -9,7 +9,7 @@ from reference import Reference
 from circuitkit.engine import compile_circuit, run
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(graph=any_circuits(), seed=st.integers(0, 2**31))
 def test_random_circuits_do_what_the_reference_does(graph, seed):
     program = compile_circuit(graph, backend="numpy")
