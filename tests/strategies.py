@@ -112,6 +112,69 @@ def circuit_data(draw: st.DrawFn) -> dict[str, Any]:
     }
 
 
+def values(size: int) -> st.SearchStrategy[Any]:
+    """Values for every member, of any form, not negative."""
+    return st.one_of(
+        magnitudes,
+        st.lists(magnitudes, min_size=size, max_size=size),
+        st.fixed_dictionaries({"range": st.tuples(magnitudes, magnitudes).map(list)}),
+        st.fixed_dictionaries({"uniform": st.tuples(magnitudes, magnitudes).map(sorted)}),
+        st.fixed_dictionaries({"normal": st.tuples(magnitudes, magnitudes).map(list)}),
+        st.sampled_from(["i + 1", "exp(-i / n)", "where(i < 2, 1, 0.5)"]),
+    )
+
+
+@st.composite
+def populations(draw: st.DrawFn) -> dict[str, Any]:
+    """A population of a model with or without states."""
+    size = draw(st.integers(1, 6))
+    entry: dict[str, Any] = {"size": size, "role": draw(st.sampled_from(["excitatory", "inhibitory"]))}
+    if draw(st.booleans()):
+        initial = draw(st.dictionaries(st.just("v"), values(size), max_size=1))
+        return entry | {"model": "leaky_linear", "tau": f"{draw(st.integers(1, 50))} ms", "initial": initial}
+    return entry | {"model": "sigmoid", "slope": draw(values(size)), "shift": draw(values(size))}
+
+
+def connections(n_source: int, n_target: int) -> st.SearchStrategy[Any]:
+    """What stands under `connect`."""
+    rows = st.lists(st.integers(0, n_source - 1), unique=True, max_size=n_source).map(sorted)
+    return st.one_of(
+        st.just("all_to_all"),
+        *([st.just("one_to_one")] if n_source == n_target else []),
+        st.fixed_dictionaries({"probability": st.floats(0, 1)}),
+        st.fixed_dictionaries({"in_degree": st.integers(1, n_source)}),
+        st.fixed_dictionaries({"sources": st.lists(rows, min_size=n_target, max_size=n_target)}),
+    )
+
+
+@st.composite
+def many_of_a_kind(draw: st.DrawFn) -> dict[str, Any]:
+    """A valid circuit file with populations, projections, synapse models, delays and noise, as data."""
+    data = draw(circuit_data())
+    groups = {f"g{i}": draw(populations()) for i in range(draw(st.integers(1, 3)))}
+    sizes = {name: group["size"] for name, group in groups.items()}
+    projections = []
+    for source, target in draw(
+        st.lists(st.tuples(st.sampled_from([*sizes]), st.sampled_from([*sizes])), max_size=4, unique=True)
+    ):
+        sign = "-" if groups[source]["role"] == "inhibitory" else ""
+        weight = draw(st.sampled_from(["1.5", "0.1 * (i + 1)", "exp(j - i)", "n_source / n_target"]))
+        entry = {"from": source, "to": target, "connect": draw(connections(sizes[source], sizes[target]))}
+        entry |= {"weight": f"{sign}({weight})"}
+        if draw(st.booleans()):
+            entry |= {"model": "first_order", "tau": draw(st.sampled_from(["5 ms", "(j + 1) * ms"]))}
+        if draw(st.booleans()):
+            entry["delay"] = f"{draw(st.integers(0, 4)) * 50} ms"
+        projections.append(entry)
+    for neuron in data["neurons"].values():
+        if draw(st.booleans()):
+            neuron["description"] = draw(descriptions)
+    read = {name: draw(values(size)) for name, size in sizes.items()}
+    data["outputs"]["all"] = {"unit": "1", "readout": {**read, "g0[0]": 0.5}}
+    extra = {"substeps": draw(st.integers(1, 20)), "seed": draw(st.integers(0, 99))}
+    return data | extra | {"populations": groups, "projections": projections}
+
+
 def circuit_texts() -> st.SearchStrategy[str]:
     """The text of a valid circuit file."""
     return circuit_data().map(dump_yaml)

@@ -87,8 +87,11 @@ def probability(
     expected = n_pairs * chance
     sources = np.empty(int(expected + 12 * np.sqrt(expected) + 100), dtype=np.int32)
     count, last = 0, -1
+    block = max(1, min(_BLOCK // 4, int(1.1 * expected) + 16, 2**62 // n_pairs))
     while chance > 0.0:
-        pairs = np.cumsum(random.geometric(chance, _BLOCK // 4)) + last
+        # Very rare ones may lie beyond what 64 bits count; they lie beyond the last pair all the same.
+        gaps = np.minimum(random.geometric(chance, block).astype(np.uint64), n_pairs + 1).astype(np.int64)
+        pairs = np.cumsum(gaps) + last
         last = int(pairs[-1])
         pairs = pairs[: np.searchsorted(pairs, n_pairs)]
         rows, columns = np.divmod(pairs, n_source)

@@ -6,8 +6,17 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
+from circuitkit.circuit.declarations import (
+    RESERVED_NAME,
+    a_kind,
+    claim_names,
+    doubt_names,
+    merged,
+    merged_parameters,
+    refuse_inner_names,
+)
 from circuitkit.circuit.items import Findings, Item, SpecT
 from circuitkit.circuit.measures import Measure
 from circuitkit.circuit.parts import Module, Part
@@ -24,17 +33,12 @@ from circuitkit.circuit.spec import (
 )
 from circuitkit.circuit.values import LostNameError, ValueProblemError, compute, evaluate, unknown_parameter
 from circuitkit.errors import listing, suggest
-from circuitkit.source import FileModel, Place
-from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, Unit
+from circuitkit.source import Place
+from circuitkit.units import DIMENSIONLESS, Quantity, Unit
 
-AnySpec = TypeVar("AnySpec", bound=FileModel)
-# Tables of results have a column of this name.
-RESERVED_NAME = "time_s"
 # Far beyond any use, and far from Python's limit of recursion.
 _LONGEST_CHAIN = 50
 _MEMBER = re.compile(r"(?P<population>.*)\[(?P<member>\d+)\]")
-# What expressions for members of populations and for synapses of projections call numbers.
-_INDICES = frozenset({"i", "j", "n", "n_source", "n_target"})
 NODE_SECTIONS = {"input": "inputs", "neuron": "neurons", "population": "populations", "output": "outputs"}
 
 
@@ -90,84 +94,22 @@ class Scope:
         self.used_parameters: set[str] = set()
         self._values: dict[str, Quantity | None] = {}
         self._located: dict[str, Located | None] = {}
-        self._included: dict[str, list[Item[ParameterSpec]]] = {}
-        self.parameters: dict[str, Item[ParameterSpec]] = self._merged("parameters")
-        self.inputs: dict[str, Item[InputSpec]] = self._merged("inputs")
-        self.neurons: dict[str, Item[NeuronSpec]] = self._merged("neurons")
-        self.populations: dict[str, Item[PopulationSpec]] = self._merged("populations")
-        self.outputs: dict[str, Item[OutputSpec]] = self._merged("outputs")
-        self.nodes: dict[str, tuple[str, Item[Any]]] = {}
-        self._claim_names()
+        self.parameters, self._included = merged_parameters(self.parts, findings)
+        self.inputs: dict[str, Item[InputSpec]] = merged(self.parts, "inputs", findings)
+        self.neurons: dict[str, Item[NeuronSpec]] = merged(self.parts, "neurons", findings)
+        self.populations: dict[str, Item[PopulationSpec]] = merged(self.parts, "populations", findings)
+        self.outputs: dict[str, Item[OutputSpec]] = merged(self.parts, "outputs", findings)
+        sections = {kind: getattr(self, section) for kind, section in NODE_SECTIONS.items()}
+        self.nodes: dict[str, tuple[str, Item[Any]]] = claim_names(sections, findings)
+        doubt_names(self.parameters, self.nodes, findings)
         self.instances: dict[str, Scope] = {}
         for instance in module.instances:
             item = Item(instance.spec.name, instance.spec, instance.part, ("include", instance.number))
             self._claim_instance(item)
             self.instances.setdefault(item.name, Scope(instance.module, findings, self, item))
-        self._refuse_inner_names()
+        refuse_inner_names(self.nodes, {*self.instances, *self.lost_instances}, findings)
         self.published: dict[str, Located] = {}
         self._publish()
-
-    def _merged(self, section: str) -> dict[str, Item[AnySpec]]:
-        """A section of all files; complains about names that are declared twice.
-
-        A parameter may be declared again by a file that includes the other one: the including file's value
-        counts, and must be of the same dimension.
-        """
-        merged: dict[str, Item[AnySpec]] = {}
-        for part in self.parts:
-            for name, spec in getattr(part.spec, section).items():
-                item = Item(name, spec, part, (section, name))
-                if section == "parameters" and name in merged and merged[name].part is not part:
-                    self._included.setdefault(name, []).append(merged[name])  # type: ignore[arg-type]  # a parameter
-                    merged[name] = item
-                elif name in merged:
-                    first = merged[name].seen_from(part)
-                    message = f"the name '{name}' is declared twice, first {first}; allowed: each name once"
-                    self.errors.append(item.problem((), message, at_key=True))
-                else:
-                    merged[name] = item
-        return merged
-
-    def _claim_names(self) -> None:
-        """Inputs, neurons, populations and outputs share one set of names."""
-        for kind, section in NODE_SECTIONS.items():
-            for name, item in getattr(self, section).items():
-                if name == RESERVED_NAME:
-                    message = f"found the name '{name}', which tables use for the time; allowed: another name"
-                    self.errors.append(item.problem((), message, at_key=True))
-                if name in self.nodes:
-                    other, first = self.nodes[name]
-                    taken = f"the name '{name}' is taken by {_a(other)} {first.seen_from(item.part)}"
-                    message = f"{taken}; allowed: a name of its own"
-                    self.errors.append(item.problem((), message, at_key=True))
-                else:
-                    self.nodes[name] = (kind, item)
-        for name, parameter in self.parameters.items():
-            if name in self.nodes:
-                kind, first = self.nodes[name]
-                where = first.seen_from(parameter.part)
-                message = f"the parameter has the same name as the {kind} {where}; give one another name"
-                self.warnings.append(parameter.problem((), message, at_key=True))
-            if name in UNIT_SYMBOLS:
-                message = (
-                    f"the parameter has the same name as the unit {name}, which it still means after a number"
-                )
-                self.warnings.append(
-                    parameter.problem((), f"{message} (1 {name}); give it another name", at_key=True)
-                )
-            if name in _INDICES and self.populations:
-                message = f"the index {name} hides it in expressions of populations and projections"
-                self.warnings.append(parameter.problem((), f"{message}; give it another name", at_key=True))
-
-    def _refuse_inner_names(self) -> None:
-        """Names with dots are for files without instances; with them, they belong to what is inside."""
-        for name, (kind, item) in self.nodes.items():
-            first, dot, _ = name.partition(".")
-            if dot and (first in self.instances or first in self.lost_instances):
-                message = (
-                    f"the name '{name}' belongs to the instance '{first}'; allowed: {_a(kind)} without a dot"
-                )
-                self.errors.append(item.problem((), message, at_key=True))
 
     def _claim_instance(self, item: Item[InstanceSpec]) -> None:
         taken = self.nodes.get(item.name) or (
@@ -175,7 +117,9 @@ class Scope:
         )
         if taken is not None and taken[1] is not None:
             where = taken[1].seen_from(item.part)
-            message = f"the name '{item.name}' is taken by {_a(taken[0])} {where}; allowed: a name of its own"
+            message = (
+                f"the name '{item.name}' is taken by {a_kind(taken[0])} {where}; allowed: a name of its own"
+            )
             self.errors.append(item.problem(("as",), message))
 
     def _publish(self) -> None:
@@ -262,7 +206,7 @@ class Scope:
         found = f"unknown {what} '{name}'"
         located = self.locate(name)
         if located is not None:
-            found = f"found '{name}', which is {_a(located.kind)}"
+            found = f"found '{name}', which is {a_kind(located.kind)}"
         elif name in self.parameters:
             found = f"found '{name}', which is a parameter"
         elif name in self.instances:
@@ -436,7 +380,3 @@ class Scope:
         if quantity is None:
             raise LostNameError
         return quantity
-
-
-def _a(kind: str) -> str:
-    return f"{'an' if kind[0] in 'io' else 'a'} {kind}"

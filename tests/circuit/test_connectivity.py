@@ -85,6 +85,12 @@ def test_probability_is_a_table_of_its_size(n_source, n_target, seed, chance):
     assert chance not in {0.0, 1.0} or (found == chance).all()
 
 
+@pytest.mark.parametrize("chance", [5e-324, 1e-300, 1e-19, 1e-12])
+def test_very_small_probabilities_give_nothing(chance):
+    indptr, sources = connectivity.probability(chance, 1_000, 1_000, generator(0, "s"))
+    assert len(sources) == indptr[-1] == 0
+
+
 @pytest.mark.parametrize("without_self", [False, True])
 def test_pairs_are_connected_with_the_probability_and_independently(without_self):
     """Sums over rows and columns of 1 000 x 1 000 pairs are binomial: mean and variance fit."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import replace
 
 import strategies
@@ -45,6 +46,18 @@ def test_a_graph_written_out_reads_back_as_the_same_circuit(graph):
     assert resolve(parse_circuit(flat_yaml(graph))) == replace(graph, parameters={})
 
 
+@given(strategies.many_of_a_kind())
+@few
+def test_populations_and_projections_written_out_read_back_as_the_same_circuit(data):
+    spec = parse_circuit(dump_yaml(data))
+    graph = resolve(spec)
+    assert resolve(parse_circuit(flat_yaml(graph))) == replace(graph, parameters={})
+    again = parse_circuit(dump_yaml(spec.model_dump(mode="json", by_alias=True, exclude_unset=True)))
+    assert resolve(again) == graph
+    assert pickle.loads(pickle.dumps(graph)) == graph
+    assert resolve(pickle.loads(pickle.dumps(spec))) == graph
+
+
 @given(strategies.circuit_data())
 @few
 def test_a_spec_made_in_python_resolves_to_the_same_circuit(data):
@@ -63,7 +76,7 @@ def problems_of(text: str) -> tuple[Problem, ...]:
     return ()
 
 
-@given(strategies.circuit_texts(), st.data())
+@given(strategies.circuit_texts() | strategies.many_of_a_kind().map(dump_yaml), st.data())
 @few
 def test_a_file_with_one_line_missing_never_crashes(text, data):
     lines = text.splitlines(keepends=True)
@@ -72,9 +85,7 @@ def test_a_file_with_one_line_missing_never_crashes(text, data):
     assert all(problem.file == "f.yaml" and problem.line >= 1 for problem in problems)
 
 
-keys = st.sampled_from(
-    ["circuit", "timing", "parameters", "inputs", "neurons", "synapses", "outputs", "include"]
-)
+keys = st.sampled_from([each.alias or name for name, each in CircuitSpec.model_fields.items()])
 leaves = (
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
 )
@@ -84,7 +95,7 @@ anything = st.recursive(
 )
 
 
-@given(st.dictionaries(keys, anything, max_size=4), strategies.circuit_data())
+@given(st.dictionaries(keys, anything, max_size=4), strategies.many_of_a_kind())
 @few
 def test_nonsense_in_a_section_is_an_input_error(nonsense, data):
     text = dump_yaml({**data, **nonsense})

@@ -122,7 +122,7 @@ def test_starters_fit(path):
     assert accepts(read_yaml(path).data, SCHEMA)
 
 
-@given(strategies.circuit_data())
+@given(strategies.circuit_data() | strategies.many_of_a_kind())
 @settings(max_examples=40, deadline=None)
 def test_random_circuits_fit(data):
     assert accepts(json.loads(json.dumps(data)), SCHEMA)
