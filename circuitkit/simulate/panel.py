@@ -119,9 +119,19 @@ class _Network:
         self._role = {neuron.name: neuron.role for neuron in graph.neurons}
         self._role |= {population.name: population.role for population in graph.populations}
         self._inputs = {node.name for node in graph.inputs}
+        self._members = {
+            each.name: [f"{each.name}[{i}]" for i in range(each.size)] for each in graph.populations
+        }
 
     def light(self, pen: ImageDraw.ImageDraw, activity: Mapping[str, float]) -> None:
-        """Draw lines and dots; the more active a neuron is, the stronger are it and its lines."""
+        """Draw lines and dots; the more active a neuron is, the stronger are it and its lines.
+
+        A population is as active as its members are in the mean; more than 1 is shown as 1.
+        """
+        if activity:
+            members = {name: [activity[each] for each in names] for name, names in self._members.items()}
+            means = {name: sum(values) / len(values) for name, values in members.items()}
+            activity = {name: min(max(value, 0.0), 1.0) for name, value in {**activity, **means}.items()}
         for link in sorted(self._layers.links, key=lambda link: activity.get(link.source, 0.0)):
             share = activity.get(link.source, 0.0)
             start, end = self._at[link.source], self._at[link.target]

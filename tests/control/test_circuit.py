@@ -95,6 +95,18 @@ def test_it_is_the_circuit_run_alone():
     np.testing.assert_array_equal(traces, alone.output)
 
 
+def test_members_of_populations_are_recorded_one_by_one():
+    graph = resolve(load_circuit("ring_attractor"))
+    inputs, outputs = ({node.name: node.unit for node in nodes} for nodes in (graph.inputs, graph.outputs))
+    made = CircuitController(graph, inputs, outputs, graph.step_s)
+    assert made.trace_names[:3] == ("global", "ring[0]", "ring[1]")
+    observations = np.full((5, 2, 2), 0.5)
+    commands, traces = stepped(made, observations)
+    alone = run(compile_circuit(graph), observations)
+    np.testing.assert_array_equal(commands, alone.readout)
+    np.testing.assert_array_equal(traces, alone.output)
+
+
 def test_reset_starts_again():
     made, observations = controller(), readings(20, 1)
     first = stepped(made, observations)
