@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from programs import program_of
 from random_circuits import any_circuits
 
 from circuitkit.circuit.graph import CircuitGraph
@@ -18,7 +19,6 @@ from circuitkit.engine.backends.c import source
 from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.operations import Map, Noise, Recall, Remember, Sum
-from circuitkit.engine.program import Program
 from circuitkit.errors import DivergedError, InputError
 
 pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
@@ -39,30 +39,6 @@ def form(request, monkeypatch):
     """Both ways to print a program."""
     monkeypatch.setattr(source, "_MAX_UNROLLED", FORMS[request.param])
     return request.param
-
-
-def program_of(operations, n_rows, *, n_inputs=1, lasting=(), substeps=1, substep=(), after=(), **more):
-    """A program made by hand; the rows that last are states."""
-    rows = np.array(lasting, dtype=np.int32)
-    return Program(
-        name="by hand",
-        step_s=0.01,
-        substeps=substeps,
-        input_names=tuple(f"u{i}" for i in range(n_inputs)),
-        neuron_names=(),
-        output_names=(),
-        n_rows=n_rows,
-        before=tuple(operations),
-        substep=tuple(substep),
-        after=tuple(after),
-        initial=more.pop("initial", np.zeros(n_rows)),
-        activation_rows=np.zeros(0, np.int32),
-        output_rows=np.zeros(0, np.int32),
-        readout_rows=(n_rows, n_rows),
-        state_rows=rows,
-        state_names=tuple(map(str, lasting)),
-        **more,
-    )
 
 
 def states_of(program, inputs, seed=0):

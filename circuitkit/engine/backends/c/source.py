@@ -15,8 +15,8 @@ from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray
 
-# Statements up to which a program is unrolled: beyond, compiling takes longer and loops are as fast.
-_MAX_UNROLLED = 800
+# Work up to which a program is unrolled: beyond, loops are as fast, and a batch would take long to compile.
+_MAX_UNROLLED = 250
 
 
 @dataclass(frozen=True, eq=False)
