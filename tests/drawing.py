@@ -1,4 +1,4 @@
-"""What a drawing must be, measured on its geometry."""
+"""Circuits that are hard to draw, and what a drawing must be, measured on its geometry."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from itertools import combinations
 
 import numpy as np
 
-from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse
+from circuitkit.circuit.models import neuron_model
 from circuitkit.draw.layout import Layout, arrange
 from circuitkit.draw.network import make_network
 from circuitkit.draw.shapes import Box, block_size
 from circuitkit.draw.style import SMALL
+from circuitkit.units import DIMENSIONLESS, parse_unit
 
 RIM = 9.0  # a rounded node begins up to this far inside its box
 
@@ -43,3 +45,30 @@ def assert_nothing_overlaps(layout: Layout) -> None:
         assert not one.box.overlaps(other.box), (one.text, other.text)
     shown = {label.link for label in layout.labels} | set(layout.homeless)
     assert shown == {route.link for route in layout.routes if route.link.label}
+
+
+def dense(seed: int, count: int, names: str = "n{}") -> CircuitGraph:
+    """A circuit with more synapses, cycles and labels than one would like to see."""
+    random = np.random.default_rng(seed)
+    roles = random.choice(["excitatory", "inhibitory"], count).tolist()
+    model = neuron_model("sigmoid")
+    neurons = [
+        Neuron(names.format(i), model, role, {"slope": 1.0, "shift": 0.0}, DIMENSIONLESS)
+        for i, role in enumerate(roles)
+    ]
+    inputs = tuple(InputNode(f"u{i}", parse_unit("mm"), -1.0, 1.0) for i in range(3))
+    synapses = []
+    for target in neurons:
+        for node in (*inputs, *neurons):
+            if random.random() < 3.0 / count:
+                sign = -1.0 if isinstance(node, Neuron) and node.role == "inhibitory" else 1.0
+                weight = sign * float(random.choice([1.0, round(random.exponential(), 3)]))
+                kind = node.role if isinstance(node, Neuron) else "sensorial"
+                synapses.append(Synapse(node.name, target.name, weight, kind))
+    outputs = tuple(
+        OutputNode(
+            f"y{i}", parse_unit("deg"), ((neurons[i].name, 0.1), (neurons[-1 - i].name, -0.2)), -1.0, 1.0, 0.1
+        )
+        for i in range(2)
+    )
+    return CircuitGraph("dense", "", "ordered", 0.01, inputs, tuple(neurons), tuple(synapses), outputs, {})

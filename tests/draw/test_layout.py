@@ -5,53 +5,24 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from drawing import RIM, assert_nothing_overlaps, layout_of
+from drawing import RIM, assert_nothing_overlaps, dense, layout_of
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import isotonic_regression
 from strategies import circuit_graphs
 
-from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse
+from circuitkit.circuit.graph import CircuitGraph, Synapse
 from circuitkit.circuit.load import load_circuit
-from circuitkit.circuit.models import neuron_model
 from circuitkit.circuit.resolve import resolve
 from circuitkit.draw.layers import Bend, _crossings, make_layers
 from circuitkit.draw.layout import Layout
 from circuitkit.draw.network import make_network
 from circuitkit.draw.placing import ascending
-from circuitkit.units import DIMENSIONLESS, parse_unit
 
 
 @pytest.fixture(scope="module")
 def binn() -> CircuitGraph:
     return resolve(load_circuit("binn_lateral"))
-
-
-def dense(seed: int, count: int, names: str = "n{}") -> CircuitGraph:
-    """A circuit with more synapses, cycles and labels than one would like to see."""
-    random = np.random.default_rng(seed)
-    roles = random.choice(["excitatory", "inhibitory"], count).tolist()
-    model = neuron_model("sigmoid")
-    neurons = [
-        Neuron(names.format(i), model, role, {"slope": 1.0, "shift": 0.0}, DIMENSIONLESS)
-        for i, role in enumerate(roles)
-    ]
-    inputs = tuple(InputNode(f"u{i}", parse_unit("mm"), -1.0, 1.0) for i in range(3))
-    synapses = []
-    for target in neurons:
-        for node in (*inputs, *neurons):
-            if random.random() < 3.0 / count:
-                sign = -1.0 if isinstance(node, Neuron) and node.role == "inhibitory" else 1.0
-                weight = sign * float(random.choice([1.0, round(random.exponential(), 3)]))
-                kind = node.role if isinstance(node, Neuron) else "sensorial"
-                synapses.append(Synapse(node.name, target.name, weight, kind))
-    outputs = tuple(
-        OutputNode(
-            f"y{i}", parse_unit("deg"), ((neurons[i].name, 0.1), (neurons[-1 - i].name, -0.2)), -1.0, 1.0, 0.1
-        )
-        for i in range(2)
-    )
-    return CircuitGraph("dense", "", "ordered", 0.01, inputs, tuple(neurons), tuple(synapses), outputs, {})
 
 
 def labels(graph: CircuitGraph) -> dict[tuple[str, str], str]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
-from drawing import assert_nothing_overlaps, layout_of
+from drawing import assert_nothing_overlaps, dense, layout_of
 
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
 from circuitkit.circuit.graph import Projection
@@ -96,13 +97,43 @@ def test_who_is_connected_with_whom(indptr, sources, sizes, expected):
 def test_nothing_overlaps_in_shipped_circuits(name):
     layout = layout_of(resolve(load_circuit(name)))
     assert_nothing_overlaps(layout)
+    assert_instances_stand_apart(layout)
     assert layout.homeless == ()
+
+
+def assert_instances_stand_apart(layout):
     for one, other in combinations(layout.groups, 2):
-        assert not one.box.overlaps(other.box, 6.0), (one.name, other.name)
+        assert not one.box.overlaps(other.box, 4.0), (one.name, other.name)
     for group in layout.groups:
+        assert group.box.top >= -1e-9
+        assert group.box.bottom <= layout.height + 1e-9
         for node in layout.nodes.values():
             inside = node.name.startswith(f"{group.name}.") and node.role not in {"input", "output"}
             assert group.box.overlaps(node.box) == inside, (group.name, node.name)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_instances_stand_apart_in_any_circuit(seed):
+    random = np.random.default_rng(seed)
+    graph = dense(seed, int(random.integers(4, 20)))
+    groups = [f"g{i}." for i in range(int(random.integers(1, 4)))]
+    called = {each.name: f"{random.choice(['', *groups])}{each.name}" for each in graph.neurons}
+    layout = layout_of(
+        replace(
+            graph,
+            neurons=tuple(replace(each, name=called[each.name]) for each in graph.neurons),
+            synapses=tuple(
+                replace(each, source=called.get(each.source, each.source), target=called[each.target])
+                for each in graph.synapses
+            ),
+            outputs=tuple(
+                replace(each, readout=tuple((called[name], weight) for name, weight in each.readout))
+                for each in graph.outputs
+            ),
+        )
+    )
+    assert_nothing_overlaps(layout)
+    assert_instances_stand_apart(layout)
 
 
 def test_nodes_of_an_instance_are_called_as_in_its_file():
