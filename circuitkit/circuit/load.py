@@ -96,7 +96,7 @@ def _examined(document: Document | None, problems: list[Problem]) -> _Examined:
         return _Examined(None, tuple(problems), ())
     module, spec, form = read_module(document)
     findings = Findings()
-    graph = analyse(module, findings)
+    graph = analyse(module, findings, is_whole=not (problems or form))
     errors = _in_order([*problems, *form, *findings.errors])
     remembering = spec.from_files(module, graph) if spec and not errors else None
     return _Examined(remembering, errors, _in_order(findings.warnings))

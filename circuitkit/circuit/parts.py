@@ -235,6 +235,7 @@ def _sound_part(document: Document, findings: Iterable[Finding]) -> Part:
         section, *inner = finding.place
         if finding.kind == "extra_forbidden":
             _without(sound, finding.place)
+            lost_sections |= not inner and bool(suggest(str(section), (*NAMED_SECTIONS, *LISTED_SECTIONS)))
         elif section in NAMED_SECTIONS and inner:
             lost.add(str(inner[0]))
             _without(sound, (section, inner[0]))

@@ -50,12 +50,13 @@ def resolve(spec: CircuitSpec, overrides: Mapping[str, float | str] | None = Non
     return graph
 
 
-def analyse(module: Module, findings: Findings) -> CircuitGraph | None:
+def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> CircuitGraph | None:
     """The graph of a circuit's files, or None after complaining.
 
     Args:
         module: What the files declare.
         findings: Takes up all errors and warnings.
+        is_whole: Whether nothing had to be left out of the files; what is left may then well be of no use.
     """
     scope = Scope(module, findings)
     scopes = list(scope.everything())
@@ -96,7 +97,8 @@ def analyse(module: Module, findings: Findings) -> CircuitGraph | None:
         populations=tuple(nodes.populations.values()),
         projections=tuple(many),
     )
-    findings.warnings.extend(doubts(graph, scope))
+    if is_whole:
+        findings.warnings.extend(doubts(graph, scope))
     return graph
 
 

@@ -286,6 +286,18 @@ def test_errors_of_every_kind_are_listed_at_once(tmp_path, monkeypatch):
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("old", "new"), [("neurons:\n", "nuerons:\n"), ("inputs:", "input:"), ("readout:", "raedout:")]
+)
+def test_one_mistake_is_one_complaint(old, new, tmp_path, monkeypatch):
+    """What follows from a lost section, such as names that are missing then, is not complained about as well."""
+    errors, warnings = findings(BASE.replace(old, new), tmp_path, monkeypatch)
+    (unknown,) = (error for error in errors if "unknown key" in error)
+    assert unknown.endswith(f"did you mean '{old.strip().removesuffix(':')}'?")
+    assert all("missing key" in error or "unknown key" in error for error in errors)
+    assert warnings == []
+
+
 def test_a_circuit_needs_a_neuron_and_an_output(tmp_path, monkeypatch):
     errors, _ = findings(
         "circuit: none\ncontrol_step: 1 ms\ntiming: ordered\nneurons: {}\n", tmp_path, monkeypatch

@@ -8,7 +8,9 @@ import subprocess
 import sys
 import time
 import tracemalloc
+import types
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pandas
@@ -16,7 +18,7 @@ import pytest
 from scipy import sparse, stats
 
 from circuitkit.circuit import check, load_circuit, memory, parse_circuit, resolve
-from circuitkit.errors import MissingDependencyError, UnknownNameError
+from circuitkit.errors import InputError, MissingDependencyError, UnknownNameError
 
 BASE = """\
 circuit: many
@@ -178,7 +180,9 @@ def matrix_circuit(name: str, weight: str = "-1") -> str:
     )
 
 
-@pytest.mark.parametrize("kind", ["csv", "csv edges", "parquet", "npz dense", "npz csr", "npz csc", "npz coo"])
+@pytest.mark.parametrize(
+    "kind", ["csv", "csv edges", "parquet", "npz dense", "npz csr", "npz csc", "npz coo"]
+)
 def test_matrix_files_of_all_kinds_say_the_same(kind):
     if kind == "parquet":
         edges = pandas.DataFrame({"target": [1, 0, 0], "source": [0, 7, 1], "weight": [3.0, -2.25, 1.5]})
@@ -205,6 +209,43 @@ def test_a_parquet_file_needs_a_package(monkeypatch):
     with pytest.raises(
         MissingDependencyError, match=r"reading 'w.parquet' needs the package 'pyarrow'.*\[data\]"
     ):
+        parse_circuit(matrix_circuit("w.parquet"))
+
+
+class _Parquet(types.ModuleType):
+    """What reading needs of pyarrow.parquet, for a file with three rows; the package is an extra."""
+
+    columns: ClassVar = {
+        "weight": [3, -2.25, 1.5],
+        "source": [0, 7, 1],
+        "target": [1, 0, 0],
+        "remark": ["", "", ""],
+    }
+
+    def __init__(self, *names: str) -> None:
+        super().__init__("pyarrow.parquet")
+        self.names = names
+
+    def read_schema(self, _path: str) -> types.SimpleNamespace:
+        return types.SimpleNamespace(names=list(self.names))
+
+    def read_table(self, _path: str, columns: list[str]) -> types.SimpleNamespace:
+        def column(name: str) -> types.SimpleNamespace:
+            return types.SimpleNamespace(to_numpy=lambda: np.array(self.columns[name]))
+
+        return types.SimpleNamespace(column_names=columns, column=column)
+
+
+def test_a_parquet_file_has_a_row_for_every_synapse(monkeypatch):
+    Path("w.parquet").write_bytes(b"")
+    monkeypatch.setitem(sys.modules, "pyarrow", types.ModuleType("pyarrow"))
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", _Parquet("source", "target", "weight"))
+    found = resolve(parse_circuit(matrix_circuit("w.parquet"))).projections[2]
+    assert found.indptr.tolist() == [0, 2, 3]
+    assert found.sources.tolist() == [1, 7, 0]
+    assert found.weights == pytest.approx(np.array([1.5, -2.25, 3]) * -0.001)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", _Parquet("source", "remark"))
+    with pytest.raises(InputError, match="found the columns source, remark; allowed: source, target"):
         parse_circuit(matrix_circuit("w.parquet"))
 
 
