@@ -20,13 +20,14 @@ SHIPPED = sorted((Path(__file__).parent.parent.parent / "circuits").glob("*.yaml
 
 @dataclass(frozen=True)
 class Score:
-    """What became of a case."""
+    """What became of a case; `others` counts complaints beside the one that is due."""
 
     case: Case
     caught: bool
     placed: bool
     suggested: bool
     complaints: tuple[Problem, ...]
+    others: int
 
     def __str__(self) -> str:
         case = self.case
@@ -46,7 +47,8 @@ def score(case: Case, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Score:
     there = [each for each in said if (each.file, each.line, each.column) == place]
     guesses = [str(each).rpartition("did you mean ")[2] for each in there]
     suggested = any(f"'{case.typo_of}'" in guess for guess in guesses)
-    return Score(case, bool(said), bool(there), suggested, tuple(complaints))
+    others = len(errors) + len(warnings) - 1
+    return Score(case, bool(said), bool(there), suggested, tuple(complaints), others)
 
 
 def report(scores: Sequence[Score], capsys: pytest.CaptureFixture) -> tuple[float, float, float]:
@@ -80,6 +82,8 @@ def test_the_mistakes_of_the_corpus(tmp_path, monkeypatch, capsys):
     assert caught == 1
     assert placed >= 0.95
     assert suggested >= 0.90
+    # A missing key may be reported beside the misspelt one, but no crowd of consequences.
+    assert sum(each.others <= 1 for each in scores) / len(scores) >= 0.95
 
 
 def test_a_typo_in_every_name_of_the_shipped_circuits(tmp_path, monkeypatch, capsys):
