@@ -163,7 +163,7 @@ def _run_held(neuron: Neuron, activation: FloatArray) -> FloatArray:
     least, finest = (_LEAST_S, 1) if neuron.model.spike is None else (_LEAST_SPIKING_S, _SPIKING)
     steps = math.ceil(min(max(_HELD_FOR * slow, least), _MOST_S) / _STEP_S)
     substeps = min(max(finest, math.ceil(_STEP_S / (fast / 20))), _FINEST)
-    program = compile_circuit(_alone(neuron, substeps))
+    program = compile_circuit(_alone(neuron, substeps), "numpy")
     inputs = np.broadcast_to(activation[np.newaxis, :, np.newaxis], (steps, len(activation), 1))
     output: FloatArray = run(program, np.ascontiguousarray(inputs)).output[:, :, 0]
     return output

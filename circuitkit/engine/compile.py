@@ -22,7 +22,7 @@ Circuit: TypeAlias = "CircuitGraph | CircuitSpec | str | Path"
 
 def compile_circuit(
     circuit: Circuit | Sequence[Circuit],
-    backend: str = "numpy",
+    backend: str = AUTO,
     precision: Precision = "float64",
     *,
     reproducible: bool = True,

@@ -19,7 +19,7 @@ def _bits(*arrays):
 @given(data=st.data(), batch=st.integers(1, 64), seed=st.integers(0, 2**32 - 1))
 def test_alone_or_in_a_batch_of_any_size_gives_the_same_bits(circuits, data, batch, seed):
     graph = data.draw(circuits())
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     inputs = np.random.default_rng(seed).normal(size=(5, batch, len(graph.inputs)))
     together = run(program, inputs)
     for member in {0, batch // 2, batch - 1}:
@@ -40,7 +40,7 @@ def test_a_dense_recurrent_circuit_gives_the_same_bits_alone(build, n):
         graph = build.circuit(
             neurons, synapses, [build.output("y", dict.fromkeys(names, 0.1), 0.1)], timing=timing
         )
-        program = compile_circuit(graph)
+        program = compile_circuit(graph, "numpy")
         inputs = random.normal(size=(6, 50, 1))
         together = run(program, inputs)
         for member in (0, 31, 49):
@@ -54,7 +54,7 @@ def test_a_dense_recurrent_circuit_gives_the_same_bits_alone(build, n):
 @given(data=st.data(), batch=st.integers(1, 5))
 def test_step_stepper_and_run_are_one_thing(circuits, data, batch):
     graph = data.draw(circuits())
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     inputs = np.random.default_rng(batch).normal(size=(4, batch, len(graph.inputs)))
     trace = run(program, inputs)
     stepper, state = program.stepper(batch), program.initial_state(batch)
@@ -74,7 +74,7 @@ def test_step_stepper_and_run_are_one_thing(circuits, data, batch):
 def program(build):
     neurons = [build.neuron(name, "tanh", slope=2.0, shift=0.1) for name in ("a", "b")]
     synapses = [("u", "a", 1.0), ("a", "b", 0.7), ("b", "a", -0.5)]
-    return compile_circuit(build.circuit(neurons, synapses, [build.output("y", {"b": 1.0}, 0.1)]))
+    return compile_circuit(build.circuit(neurons, synapses, [build.output("y", {"b": 1.0}, 0.1)]), "numpy")
 
 
 def test_a_run_in_two_parts_is_the_run_in_one(program):

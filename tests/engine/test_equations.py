@@ -24,7 +24,7 @@ def test_random_circuits_follow_the_equations_by_hand(by_hand, circuits, data):
     inputs = data.draw(
         st.lists(st.lists(st.floats(-2, 2), min_size=columns, max_size=columns), min_size=1, max_size=6)
     )
-    trace = run(compile_circuit(graph), np.array(inputs)[:, np.newaxis])
+    trace = run(compile_circuit(graph, "numpy"), np.array(inputs)[:, np.newaxis])
     reference = by_hand(graph)
     for t, row in enumerate(inputs):
         names = (node.name for node in graph.inputs)
@@ -39,7 +39,7 @@ def test_random_circuits_follow_the_equations_by_hand(by_hand, circuits, data):
 def test_sums_are_added_term_by_term_in_file_order_neurons_before_inputs(by_hand, circuits, data):
     graph = data.draw(circuits(models=("identity",)))
     row = data.draw(st.lists(st.floats(-2, 2), min_size=len(graph.inputs), max_size=len(graph.inputs)))
-    trace = run(compile_circuit(graph), np.array([[row]] * 4))
+    trace = run(compile_circuit(graph, "numpy"), np.array([[row]] * 4))
     reference = by_hand(graph)
     for t in range(4):
         activation, output, _ = reference.tick({f"u{i}": value for i, value in enumerate(row)})
@@ -58,7 +58,7 @@ def test_long_sums_keep_the_order(build, fan_in):
         expected += weight * value
     graph = build.circuit([build.neuron("n")], synapses, inputs=sources)
     for batch in (1, 2, 17):
-        trace = run(compile_circuit(graph), np.tile(values, (1, batch, 1)))
+        trace = run(compile_circuit(graph, "numpy"), np.tile(values, (1, batch, 1)))
         assert (trace.activation == expected).all()
 
 
@@ -71,7 +71,7 @@ def test_an_impulse_takes_two_one_or_no_ticks_a_layer(build, timing, ticks_a_lay
     graph = build.circuit([build.neuron(name) for name in names], synapses, timing=timing)
     impulse = np.zeros((10, 1, 1))
     impulse[0] = 1.0
-    output = run(compile_circuit(graph), impulse).output[:, 0]
+    output = run(compile_circuit(graph, "numpy"), impulse).output[:, 0]
     for layer in range(4):
         arrival = first + layer * ticks_a_layer
         assert np.flatnonzero(output[:, layer]).tolist() == [arrival]
@@ -81,7 +81,7 @@ def test_an_impulse_takes_two_one_or_no_ticks_a_layer(build, timing, ticks_a_lay
 def test_a_leaking_output_is_a_geometric_series(build, leak):
     graph = build.circuit([build.neuron("n")], [("u", "n", 1.0)], [build.output("y", {"n": 0.3}, leak)])
     inputs = np.concatenate([np.ones((40, 1, 1)), np.zeros((40, 1, 1))])
-    y = run(compile_circuit(graph), inputs).readout[:, 0, 0]
+    y = run(compile_circuit(graph, "numpy"), inputs).readout[:, 0, 0]
     kept = 1 - leak
     rising = [0.3 * t if leak == 0 else 0.3 * (1 - kept**t) / leak for t in range(1, 41)]
     falling = [rising[-1] * kept**t for t in range(1, 41)]
@@ -93,7 +93,7 @@ def test_limits_stop_the_integrator_itself_so_that_it_does_not_wind_up(build):
         [build.neuron("n")], [("u", "n", 1.0)], [build.output("y", {"n": 1.0}, 0.0, limit=2.5)]
     )
     inputs = np.array([1.0, 1, 1, 1, 1, -1, -1, -1, -1, -1, -1, -1]).reshape(-1, 1, 1)
-    y = run(compile_circuit(graph), inputs).readout[:, 0, 0]
+    y = run(compile_circuit(graph, "numpy"), inputs).readout[:, 0, 0]
     assert y.tolist() == [1, 2, 2.5, 2.5, 2.5, 1.5, 0.5, -0.5, -1.5, -2.5, -2.5, -2.5]
 
 
@@ -105,7 +105,7 @@ def test_outputs_that_integrate_and_outputs_that_do_not_stand_side_by_side(build
         build.output("halved", {"n": 1.0}, 0.5),
     ]
     graph = build.circuit([build.neuron("n")], [("u", "n", 1.0)], outputs)
-    y = run(compile_circuit(graph), np.ones((3, 2, 1))).readout
+    y = run(compile_circuit(graph, "numpy"), np.ones((3, 2, 1))).readout
     expected = [[1, 1, 2, 1], [1, 2, 2, 1.5], [1, 3, 2, 1.75]]
     assert y[:, 0].tolist() == expected
     assert y[:, 1].tolist() == expected
@@ -117,7 +117,7 @@ def test_in_a_cycle_the_upper_neuron_sees_the_last_tick_of_the_lower_one(build):
         graph = build.circuit([build.neuron(name) for name in order], synapses)
         impulse = np.zeros((8, 1, 1))
         impulse[0] = 1.0
-        output = run(compile_circuit(graph), impulse).output[:, 0]
+        output = run(compile_circuit(graph, "numpy"), impulse).output[:, 0]
         a, b = output[:, order.index("a")], output[:, order.index("b")]
         delay = order.index("a")  # b above a sees it one tick late
         np.testing.assert_allclose(a, 0.4 ** np.arange(8), rtol=1e-14)
@@ -126,7 +126,7 @@ def test_in_a_cycle_the_upper_neuron_sees_the_last_tick_of_the_lower_one(build):
 
 def test_a_neuron_that_feeds_itself_sees_its_last_output(build):
     graph = build.circuit([build.neuron("n")], [("u", "n", 1.0), ("n", "n", -0.5)])
-    output = run(compile_circuit(graph), np.ones((20, 1, 1))).output[:, 0, 0]
+    output = run(compile_circuit(graph, "numpy"), np.ones((20, 1, 1))).output[:, 0, 0]
     np.testing.assert_allclose(output, (1 - (-0.5) ** np.arange(1, 21)) / 1.5, rtol=1e-14)
 
 
@@ -138,7 +138,7 @@ def test_a_last_output_that_is_still_read_after_the_new_one_is_kept(build, by_ha
     assert order.stages == (("a", "c"), ("b",), ("d",))
     assert order.held == {("c", "b")}
     inputs = np.random.default_rng(0).normal(size=(12, 1, 1))
-    output = run(compile_circuit(graph), inputs).output[:, 0]
+    output = run(compile_circuit(graph, "numpy"), inputs).output[:, 0]
     reference = by_hand(graph)
     for t in range(12):
         np.testing.assert_allclose(output[t], reference.tick({"u": float(inputs[t, 0, 0])})[1], rtol=1e-13)
@@ -161,7 +161,7 @@ def test_every_model_computes_its_equation(build, name):
     given_parameters = {key: parameters[key] for key in model.parameter_names}
     graph = build.circuit([build.neuron("n", name, **given_parameters)], [("u", "n", 1.0)])
     values = np.linspace(-2, 2, 101)
-    output = run(compile_circuit(graph), values.reshape(-1, 1, 1)).output[:, 0, 0]
+    output = run(compile_circuit(graph, "numpy"), values.reshape(-1, 1, 1)).output[:, 0, 0]
     expected = [model.output.evaluate({**given_parameters, "A": float(a)}) for a in values]
     np.testing.assert_allclose(output, expected, rtol=1e-14, atol=1e-15)
 

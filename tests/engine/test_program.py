@@ -29,7 +29,7 @@ def graph(build):
 
 
 def test_names_and_indices_are_in_file_order_whatever_the_order_inside(graph):
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     assert program.neuron_names == ("a", "b", "c", "d")
     assert program.input_index == {"left": 0, "right": 1}
     assert program.neuron_index == {"a": 0, "b": 1, "c": 2, "d": 3}
@@ -40,7 +40,7 @@ def test_names_and_indices_are_in_file_order_whatever_the_order_inside(graph):
 
 
 def test_inputs_are_packed_by_name(graph):
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     assert program.pack_inputs({"right": 2.0, "left": 1.0}).tolist() == [[1.0, 2.0]]
     assert program.pack_inputs({"left": np.zeros((5, 3)), "right": 1.0}).shape == (5, 3, 2)
     with pytest.raises(UnknownNameError) as unknown:
@@ -55,7 +55,7 @@ def test_inputs_are_packed_by_name(graph):
 
 
 def test_shapes_that_do_not_fit_are_named_with_those_that_do(graph):
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     state = program.initial_state(4)
     calls = {
         "inputs: found shape (4, 3); allowed: an array of shape (4, 2) with the columns left, right": (
@@ -94,7 +94,7 @@ def test_an_unknown_backend_is_named_with_those_there_are(graph):
 
 
 def test_check_inputs_names_what_is_not_finite(graph):
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     inputs = np.zeros((10, 3, 2))
     program.check_inputs(inputs)
     inputs[4, 2, 1] = np.nan
@@ -115,7 +115,7 @@ def test_check_inputs_names_what_is_not_finite(graph):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_no_step_accepts_an_input_that_is_not_finite(graph, value):
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     stepper = program.stepper()
     inputs = np.array([[0.0, value]])
     for call in (
@@ -132,7 +132,9 @@ def test_no_step_accepts_an_input_that_is_not_finite(graph, value):
 def test_what_overflows_is_named_with_step_neuron_and_member(build):
     neurons = [build.neuron("a"), build.neuron("b")]
     synapses = [("u", "a", 1.0), ("a", "b", 1.0), ("b", "b", 1e200)]
-    program = compile_circuit(build.circuit(neurons, synapses, [build.output("y", {"b": 1.0}, limit=1.0)]))
+    program = compile_circuit(
+        build.circuit(neurons, synapses, [build.output("y", {"b": 1.0}, limit=1.0)]), "numpy"
+    )
     inputs = np.zeros((4, 3, 1))
     inputs[:, 1] = 1.0
     message = "the circuit 'test' diverged: in step 2 the activation of b of batch member 1 became inf"
@@ -154,7 +156,7 @@ def test_sigmoids_do_not_overflow(build):
         build.neuron("s", "sigmoid", slope=1e10, shift=0.0),
         build.neuron("w", "window", slope=1e10, low=-1.0, high=1.0),
     ]
-    program = compile_circuit(build.circuit(neurons, [("u", "s", 1.0), ("u", "w", 1.0)]))
+    program = compile_circuit(build.circuit(neurons, [("u", "s", 1.0), ("u", "w", 1.0)]), "numpy")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         trace = run(program, np.array([-1e300, 0.0, 1e300]).reshape(-1, 1, 1))
@@ -163,7 +165,7 @@ def test_sigmoids_do_not_overflow(build):
 
 def test_circuits_without_inputs_outputs_or_synapses_run(build):
     graph = build.circuit([build.neuron("n", "sigmoid", slope=4.0, shift=0.5)], [], inputs=())
-    trace = run(compile_circuit(graph), np.zeros((3, 2, 0)))
+    trace = run(compile_circuit(graph, "numpy"), np.zeros((3, 2, 0)))
     assert trace.output.shape == (3, 2, 1)
     np.testing.assert_allclose(trace.output, 1 / (1 + np.exp(2.0)), rtol=1e-15)
     assert trace.readout.shape == (3, 2, 0)
@@ -176,7 +178,7 @@ def test_one_neuron_with_very_many_sources_among_others_with_few(build, by_hand)
     synapses += [(name, "n0", 0.01 * i) for i, name in enumerate(names)]
     synapses += [("n0", name, 0.001 * i) for i, name in enumerate(names[2:])]
     graph = build.circuit(neurons, synapses, timing="synchronous")
-    program = compile_circuit(graph)
+    program = compile_circuit(graph, "numpy")
     state, reference = program.initial_state(), by_hand(graph)
     for _ in range(5):
         state = step(program, state, np.array([[0.3]]))
@@ -185,7 +187,7 @@ def test_one_neuron_with_very_many_sources_among_others_with_few(build, by_hand)
 
 
 def test_a_state_of_zeros_has_the_shapes_of_its_program(graph):
-    state = compile_circuit(graph).initial_state(3)
+    state = compile_circuit(graph, "numpy").initial_state(3)
     assert isinstance(state, State)
     assert state.batch == 3
     assert (state.activation.shape, state.output.shape, state.readout.shape) == ((3, 4), (3, 4), (3, 1))

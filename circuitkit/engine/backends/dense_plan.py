@@ -60,11 +60,13 @@ class Stage:
         terms: For every row of an activation the rows that are added up, with weights.
         cells: What is made of them.
         copies: Pairs (source, target) of rows that are copied before.
+        outputs_first: Whether the cells get the activations of the last step, not the new ones.
     """
 
     terms: dict[int, list[tuple[int, float]]] = field(default_factory=dict)
     cells: list[Cell] = field(default_factory=list)
     copies: list[tuple[int, int]] = field(default_factory=list)
+    outputs_first: bool = False
 
 
 def dense_stages(program: Program) -> list[Stage] | None:
@@ -74,20 +76,33 @@ def dense_stages(program: Program) -> list[Stage] | None:
     if has_more or n * (n + len(program.input_names)) > LARGEST:
         return None
     stages = [Stage()]
-    for operation in program.before:
-        if not _extend(stages, operation):
+    operations = program.before
+    waiting = _waiting(operations)
+    if waiting:
+        stages[0].outputs_first = True
+        operations = operations[:-1]
+    for operation in operations:
+        if not _extend(stages, operation, waiting):
             return None
     elements = [element for stage in stages for cell in stage.cells for element in cell.elements]
     known = {e.row for e in elements if abs(e.gain) > max(abs(e.constant) / _LARGEST_SHIFT, _LEAST_GAIN)}
     return stages if known == set(program.activation_rows.tolist()) else None
 
 
-def _extend(stages: list[Stage], operation: Operation) -> bool:
+def _waiting(operations: Sequence[Operation]) -> int:
+    """How many rows behind the activations their new values wait until all else is done; 0 if they do not."""
+    match operations:
+        case [*_, Map(results=((target, Name(name)),), rows=rows)] if len(operations) > 1 and name in rows:
+            return rows[name] - target
+    return 0
+
+
+def _extend(stages: list[Stage], operation: Operation, waiting: int) -> bool:
     if isinstance(operation, Sum):
         if stages[-1].cells:
             stages.append(Stage())
-        _add_terms(stages[-1], operation)
-        return True
+        _add_terms(stages[-1], operation, waiting)
+        return len(stages) == 1 or not waiting
     if not isinstance(operation, Map) or operation.picks:
         return False
     stage = stages[-1]
@@ -104,12 +119,12 @@ def _extend(stages: list[Stage], operation: Operation) -> bool:
     return True
 
 
-def _add_terms(stage: Stage, operation: Sum) -> None:
+def _add_terms(stage: Stage, operation: Sum, waiting: int) -> None:
     weights = np.broadcast_to(operation.weights, operation.sources.shape).tolist()
     sources = (operation.sources + operation.base).tolist()
     for i in range(operation.stop - operation.start):
         part = slice(int(operation.indptr[i]), int(operation.indptr[i + 1]))
-        row = operation.start + i
+        row = operation.start - waiting + i
         before = stage.terms.get(row, []) if operation.add else []
         stage.terms[row] = [*before, *zip(sources[part], weights[part], strict=True)]
 

@@ -57,7 +57,13 @@ class DenseKernel:
         sign = -1.0 if self._mirrored else 1.0
         self._matrices = [matrix.astype(number) for matrix in matrices(stages, layout, sign)]
         self._blocks = [
-            Block(slice(start, min(start + _BLOCK, batch)), layout, self._matrices, number)
+            Block(
+                slice(start, min(start + _BLOCK, batch)),
+                layout,
+                self._matrices,
+                number,
+                outputs_first=stages[0].outputs_first,
+            )
             for start in range(0, batch, _BLOCK)
         ]
         self._inputs = self._whole(slice(1, 1 + len(program.input_names)))
@@ -120,7 +126,8 @@ class DenseKernel:
         code = Code(numbers.data)
         code.names |= {"time": 0, "is_finite": self._is_finite}
         code.n_inputs = len(self._program.input_names)
-        self._by_number = quicker_one_by_one(self._stages, self._layout)
+        outputs_first = self._stages[0].outputs_first
+        self._by_number = not outputs_first and quicker_one_by_one(self._stages, self._layout)
         if self._by_number:
             self._print_numbers(code)
         else:
@@ -154,13 +161,16 @@ class DenseKernel:
             x = arguments.reshape(-1)
             for source, target in stage.copies:
                 code.lines.append(f"m[{self._layout.place[target]}] = m[{self._layout.place[source]}]")
-            code.call(matrix.dot, numbers[: matrix.shape[1]], x)
+            product = self._blocks[0].products[number].reshape(-1)
+            code.call(matrix.dot, numbers[: matrix.shape[1]], product)
             start = 0
             for function, begin, end in functions:
                 given, result = x[start : start + end - begin], numbers[begin:end]
                 start += end - begin
                 called, its_arguments = _function_call(function, given, result)
                 code.call(called, *its_arguments)
+            if self._stages[0].outputs_first:
+                code.call(np.positive, product, x)
             for target, joint, first, second in self._layout.joints[number]:
                 code.lines.append(f"m[{target}] = m[{first}] {joint} m[{second}]")
         if not self._layout.is_bounded:
@@ -231,16 +241,19 @@ class DenseKernel:
     def _stage_calls(self, block: Block) -> list[Callable[[], object]]:
         calls: list[Callable[[], object]] = []
         layout, numbers = self._layout, block.numbers
-        parts = zip(self._stages, self._matrices, block.arguments, layout.parts, layout.joints, strict=True)
-        for stage, matrix, x, functions, joints in parts:
+        arguments = zip(self._matrices, block.products, block.arguments, strict=True)
+        parts = zip(self._stages, arguments, layout.parts, layout.joints, strict=True)
+        for stage, (matrix, product, x), functions, joints in parts:
             for source, target in stage.copies:
                 calls.append(partial(np.copyto, numbers[layout.place[target]], numbers[layout.place[source]]))
-            calls.append(partial(matrix.dot, numbers[: matrix.shape[1]], x))
+            calls.append(partial(matrix.dot, numbers[: matrix.shape[1]], product))
             start = 0
             for function, begin, end in functions:
                 given, result = x[start : start + end - begin].reshape(-1), numbers[begin:end].reshape(-1)
                 start += end - begin
                 calls += _function_calls(function, given, result, mirrored=self._mirrored)
+            if product is not x:
+                calls.append(partial(np.positive, product.reshape(-1), x.reshape(-1)))
             for target, joint, first, second in joints:
                 ufunc = {"*": np.multiply, "+": np.add, "-": np.subtract}[joint]
                 calls.append(partial(ufunc, numbers[first], numbers[second], numbers[target]))
@@ -274,6 +287,7 @@ class DenseKernel:
         """Take over a state."""
         for block in self._blocks:
             block.numbers[self._output_places] = state.output[block.members].T
+            self._activations.load(block.arguments, state.activation[block.members])
             block.numbers[slice(*self._layout.readouts)] = state.readout[block.members].T
         self._readout[...] = state.readout.T
         self._given[...] = state.activation
