@@ -24,7 +24,10 @@ def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
         if model is None:
             continue
         read = _reader(scope, item)
-        unit, parameters = neuron_parameters(scope, item, model, read)
+        found = neuron_parameters(scope, item, model, read)
+        if found is None:
+            continue
+        unit, parameters = found
         yield Neuron(
             name=scope.prefix + name,
             model=model,
@@ -48,8 +51,13 @@ def _reader(scope: Scope, item: Item[Any]) -> Reader:
 
 def neuron_parameters(
     scope: Scope, item: Item[Any], model: NeuronModel, read: Reader
-) -> tuple[Unit, dict[str, Any]]:
-    """The unit of the activation, and a value for every parameter of the model, [SI]."""
+) -> tuple[Unit, dict[str, Any]] | None:
+    """The unit of the activation, and a value for every parameter of the model, [SI].
+
+    None after complaining, or if a parameter is lost: the unit is then not known, and nobody should complain
+    about synapses that do not fit it.
+    """
+    before = len(scope.errors)
     written = written_parameters(scope, item, model, read)
     unit = _activation_unit(model, written)
     for parameter in model.parameters:
@@ -59,6 +67,9 @@ def neuron_parameters(
                 wanted, reason = shown_unit(parameter, dimension, unit), because(parameter, unit)
                 scope.fits(item, (parameter.name,), written[parameter.name], wanted, reason)
     check_order(scope, item, model, written)
+    is_lost = any(name in item.spec.values and name not in written for name in model.parameter_names)
+    if is_lost or len(scope.errors) > before:
+        return None
     return unit, {**model.defaults, **{name: measure.value for name, measure in written.items()}}
 
 

@@ -29,7 +29,10 @@ def populations(scope: Scope, models: DeclaredModels, budget: Budget) -> Iterato
         if model is None or size is None:
             continue
         read = _reader(scope, item, size)
-        unit, parameters = neuron_parameters(scope, item, model, read)
+        found = neuron_parameters(scope, item, model, read)
+        if found is None:
+            continue
+        unit, parameters = found
         yield Population(
             name=scope.prefix + name,
             size=size,

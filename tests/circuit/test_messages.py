@@ -276,13 +276,12 @@ def test_errors_of_every_kind_are_listed_at_once(tmp_path, monkeypatch):
         .replace("slope: 500", "slop: 500")
         .replace("shift: edge", "shift: egde")
         .replace("from: load", "from: laod")
-        .replace("weight: -1 m", "weight: 1 m")
         .replace("{q: w}", "{p: w}")
     )
     errors, _ = findings(text, tmp_path, monkeypatch)
     assert [error.split(": ")[0] for error in errors] == [
         "f.yaml:2:15", "f.yaml:3:9", "f.yaml:6:3", "f.yaml:10:3", "f.yaml:12:3", "f.yaml:12:42", "f.yaml:13:63",
-        "f.yaml:15:12", "f.yaml:17:33", "f.yaml:19:31",
+        "f.yaml:15:12", "f.yaml:19:31",
     ]  # fmt: skip
 
 
@@ -296,6 +295,16 @@ def test_one_mistake_is_one_complaint(old, new, tmp_path, monkeypatch):
     assert unknown.endswith(f"did you mean '{old.strip().removesuffix(':')}'?")
     assert all("missing key" in error or "unknown key" in error for error in errors)
     assert warnings == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("slope: 100 /m", "slpoe: 100 /m"), ("shift: edge", "shift: egde"), ("edge: 80 mm", "edge: 80 mmm")],
+)
+def test_synapses_of_an_unsound_neuron_are_not_complained_about(old, new, tmp_path, monkeypatch):
+    errors, _ = findings(BASE.replace(old, new), tmp_path, monkeypatch)
+    assert errors
+    assert not any("synapses" in error for error in errors)
 
 
 def test_a_circuit_needs_a_neuron_and_an_output(tmp_path, monkeypatch):
