@@ -14,7 +14,7 @@ from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember
 from circuitkit.engine.program import Program
 
 _LANES = 8
-_LONG = 50_000  # terms whose weights and indices fill a good part of a processor's own cache
+_LONG = 200_000  # terms whose weights and indices do not fit into a processor's own cache
 _PARTS = "worker, workers"
 
 

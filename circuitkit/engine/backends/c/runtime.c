@@ -358,17 +358,18 @@ static int is_usual(const Step *self, PyObject *object)
            given->flags & ALIGNED;
 }
 
+#define COPY(number) \
+    for (Py_ssize_t i = 0; i < self->n_inputs; i++) { \
+        number *to = (number *)context->table + (1 + i) * context->stride, *const end = to + context->batch; \
+        const char *from = given->data + i * given->strides[1]; \
+        for (const Py_ssize_t apart = given->strides[0]; to < end; from += apart) *to++ = (number)*(const double *)from; \
+    }
+
 static void copy_inputs(const Step *self, const array *given)
 {
     const ck_context *context = &self->kernel->context;
-    for (Py_ssize_t i = 0; i < self->n_inputs; i++) {
-        const char *from = given->data + i * given->strides[1];
-        for (int64_t b = 0; b < context->batch; b++, from += given->strides[0]) {
-            const int64_t place = (1 + i) * context->stride + b;
-            if (self->is_double) ((double *)context->table)[place] = *(const double *)from;
-            else ((float *)context->table)[place] = (float)*(const double *)from;
-        }
-    }
+    if (self->is_double) COPY(double)
+    else COPY(float)
 }
 
 static PyObject *step_call(Step *self, PyObject *const *arguments, size_t n_flagged, PyObject *names)
