@@ -36,6 +36,7 @@ from circuitkit.errors import CircuitkitError
 from circuitkit.source import dump_yaml
 from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_unit
 
+_PER_ANGLE = Dimension(angle=-1)
 MOST_LISTED = 10_000  # values that are listed for one population or projection
 
 
@@ -72,8 +73,11 @@ def _si(dimension: Dimension) -> Unit:
 
 def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | ModelState) -> Unit:
     """The unit in which a parameter or state of a neuron is shown."""
-    dimension = parameter.unit_rule.dimension(neuron.activation_unit.dimension)
-    return shown_unit(parameter, dimension, neuron.activation_unit)
+    activation = neuron.activation_unit
+    dimension = parameter.unit_rule.dimension(activation.dimension)
+    if dimension == _PER_ANGLE and activation.symbol.isalpha():  # per degree, for nobody thinks in radians
+        return parse_unit(f"/{activation.symbol}")
+    return shown_unit(parameter, dimension, activation)
 
 
 def weight_unit(graph: CircuitGraph, synapse: Synapse | Projection) -> Unit:

@@ -52,3 +52,17 @@ def test_values_are_written_so_that_they_read_back_exactly(value, symbol):
 )
 def test_values_are_written_as_short_as_that_allows(value, symbol, text):
     assert exact(value, parse_unit(symbol)) == text
+
+
+def test_slopes_of_angles_are_written_per_degree():
+    text = """\
+circuit: a
+control_step: 1 ms
+timing: ordered
+neurons: {q: {model: sigmoid, role: excitatory, slope: 2 /deg, shift: 3 deg}}
+outputs: {y: {unit: "1", readout: {q: 1}}}
+"""
+    assert (
+        "  q: {model: sigmoid, role: excitatory, slope: 2 /deg, shift: 3 deg}"
+        in flat_yaml(resolve(parse_circuit(text))).splitlines()
+    )
