@@ -4,5 +4,5 @@ Read in this order: `expression` (an expression as C), `constants` (the numbers 
 `rows` (what is read, written and kept), `unrolled` (a small program, statement by statement), `loops` (a
 large one, loop by loop), `source` (which of the two), `build` (compiler and cache), `kernel` (memory and
 calls). In C: `arithmetic.h` with `lanes.h` (functions of expressions), `noise.h`, `context.h`, `unrolled.h`,
-`loops.h` with `steps.h` (what surrounds the generated part), `runtime.c` (the bridge to Python).
+`loops.h` with `steps.h` (what surrounds the generated part), `runtime.c` with `workers.h` (for Python).
 """
