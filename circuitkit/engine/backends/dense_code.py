@@ -16,6 +16,7 @@ from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number
 from circuitkit.engine.backends.dense_plan import Element, Layout, Stage, moved
 from circuitkit.engine.operations import Map, Operation, Sum
 
+_FEW_INPUTS = 8
 _FEW = 32  # terms of all readouts that are added one by one rather than by calls
 # Measured costs in ns: a product and a function on arrays; a function of a number, a term of a sum.
 _STAGE, _FUNCTION, _TERM = 600, 55, 25
@@ -32,24 +33,20 @@ class Code:
     """Lines of a function and the globals that its names stand for.
 
     Attributes:
-        takes: What is done first, if anything.
-        reads: How inputs get a name.
-        n_inputs: Number of inputs, from place 1 on.
+        n_inputs: Number of inputs, from place 1 on; their names are `u1` and so on.
         lines: What is done in a step.
         checks: Conditions that hold if all is finite.
         names: The globals.
         written: Names of numbers that the step changes.
     """
 
-    def __init__(self, numbers: memoryview) -> None:
-        self.takes: list[str] = []
-        self.reads: list[str] = []
-        self.n_inputs = 0
+    def __init__(self, numbers: memoryview, n_inputs: int) -> None:
+        self.n_inputs = n_inputs
         self.lines: list[str] = []
         self.checks: list[str] = []
         self.names: dict[str, Any] = {"m": numbers, "exp": math.exp, "tanh": math.tanh, "INF": math.inf}
         self.written: set[str] = {"time"}
-        self.values: dict[int, str] = {}
+        self.values: dict[int, str] = {1 + i: f"u{1 + i}" for i in range(n_inputs)}
 
     def bind(self, thing: object) -> str:
         """A name for an object."""
@@ -73,19 +70,41 @@ class Code:
         """Text for the number at a place: its name, if it has one already, or a look into the array."""
         return self.values.get(place, f"m[{place}]")
 
-    def function(self, head: str, refusal: str, ending: Sequence[str]) -> Callable[..., Any]:
+    def reads(self) -> list[str]:
+        """Lines that give the inputs their names."""
+        return [f"u{1 + i} = m[{1 + i}]" for i in range(self.n_inputs)]
+
+    def takes(self) -> list[str]:
+        """Lines for inputs that are handed over or, if there are none, stand in their place already.
+
+        A few are taken one by one; what does not fit, `take` refuses.
+        """
+        names = ", ".join(f"u{1 + i}" for i in range(self.n_inputs))
+        reads = [f"    {line}" for line in self.reads()] or ["    pass"]
+        lines = ["if inputs is None:", *reads, "else:"]
+        if not 0 < self.n_inputs <= _FEW_INPUTS:
+            return [*lines, "    take(inputs)", *reads]
+        writes = [f"        m[{1 + i}] = u{1 + i}" for i in range(self.n_inputs)]
+        attempt = ["    try:", f"        (({names},),) = inputs.tolist()"]
+        refusal = ["    except Exception:", "        take(inputs)", *(f"    {line}" for line in reads)]
+        return [*lines, *attempt, *refusal, "    else:", *writes]
+
+    def function(
+        self, head: str, start: Sequence[str], refusal: str, ending: Sequence[str]
+    ) -> Callable[..., Any]:
         """A function; several share their globals.
 
         Args:
             head: Its name and arguments.
+            start: Lines that give the inputs their names.
             refusal: What it does, before all else, if an input is not finite.
             ending: Its last lines.
         """
-        start = [f"global {', '.join(sorted(self.written))}", *self.takes, *self.reads]
+        first = [f"global {', '.join(sorted(self.written))}", *start]
         if self.n_inputs:  # zero times a number is zero, or not a number if the number is not finite
-            read = [f"{self.value(1 + i)} * 0.0" for i in range(self.n_inputs)]
-            start += [f"if {' + '.join(read)} != 0.0:", f"    {refusal}"]
-        body = [*start, *self.lines, "time += 1", *ending]
+            read = " + ".join(f"u{1 + i} * 0.0" for i in range(self.n_inputs))
+            first += [f"if {read} != 0.0:", f"    {refusal}"]
+        body = [*first, *self.lines, "time += 1", *ending]
         text = f"def {head}:\n    " + "\n    ".join(body) + "\n"
         exec(compile(text, f"<{head}>", "exec"), self.names)  # the text is our own
         made: Callable[..., Any] = self.names[head.partition("(")[0]]

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 Take = Callable[[FloatArray], object]
 Fail = Callable[[], NoReturn]
 _BLOCK = 1024  # members of a batch that are computed together, so that they stay in the processor's cache
-_FEW_INPUTS = 8
 _SINGLE = 8  # members from which numpy's vectorised exp is faster than scipy's expit
 
 
@@ -79,7 +78,9 @@ class DenseKernel:
         if batch == 1:
             self._code = self._straight()
             self.advance: Callable[[], bool] = self._loud(
-                self._code.function("advance()", "return False", [f"return {self._condition()}"])
+                self._code.function(
+                    "advance()", self._code.reads(), "return False", [f"return {self._condition()}"]
+                )
             )
         else:
             self.advance = _silently(self._blocked())
@@ -102,13 +103,8 @@ class DenseKernel:
         if self._code is None:
             return None
         self._code.names |= {"take": take, "fail": fail, "readout": self.readout}
-        names = ", ".join(f"m[{1 + i}]" for i in range(len(self._program.input_names)))
-        taking = ["take(inputs)"]
-        if 0 < len(self._program.input_names) <= _FEW_INPUTS:  # one by one; what does not fit, `take` refuses
-            taking = ["try:", f"    (({names},),) = inputs.tolist()", "except Exception:", "    take(inputs)"]
-        self._code.takes = ["if inputs is not None:", *(f"    {line}" for line in taking)]
         ending = [f"if not ({self._condition()}):", "    fail()", "return readout"]
-        return self._loud(self._code.function("step(inputs=None)", "fail()", ending))
+        return self._loud(self._code.function("step(inputs=None)", self._code.takes(), "fail()", ending))
 
     def _condition(self) -> str:
         code = self._code
@@ -123,9 +119,8 @@ class DenseKernel:
     def _straight(self) -> Code:
         """The step as straight code."""
         numbers = self._blocks[0].numbers.reshape(-1)
-        code = Code(numbers.data)
+        code = Code(numbers.data, len(self._program.input_names))
         code.names |= {"time": 0, "is_finite": self._is_finite}
-        code.n_inputs = len(self._program.input_names)
         outputs_first = self._stages[0].outputs_first
         self._by_number = not outputs_first and quicker_one_by_one(self._stages, self._layout)
         if self._by_number:
@@ -142,9 +137,6 @@ class DenseKernel:
         return code
 
     def _print_numbers(self, code: Code) -> None:
-        for i in range(len(self._program.input_names)):
-            code.reads.append(f"u{1 + i} = m[{1 + i}]")
-            code.values[1 + i] = f"u{1 + i}"
         for parts, joints in zip(self._layout.parts, self._layout.joints, strict=True):
             places = [place for _, start, stop in parts for place in range(start, stop)]
             for place in [*places, *(target for target, _, _, _ in joints)]:
