@@ -83,7 +83,7 @@ def _inside_run() -> tuple[AnyWork, AnyWork]:
 def _batch(backend: str, batch: int) -> Prepare:
     def prepare() -> tuple[AnyWork, AnyWork]:
         with threads(1):
-            measured = steps_of(compiled_binn(backend, batch=batch, reproducible=True), batch)
+            measured = steps_of(compiled_binn(backend, batch=batch, reproducible=False), batch)
         return measured, Loop(PlainBinn(binn(), batch).steps)
 
     return prepare
