@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit import compile_circuit, load_circuit, resolve, run
-from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
     SYNAPSE_MODEL_NAMES,

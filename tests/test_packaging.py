@@ -22,6 +22,7 @@ DATA = (".yaml", ".xml", ".typed", ".json", ".csv")
 GENERATED = (
     ".git",
     ".venv",
+    ".venv-peers",
     "out",
     "build",
     "dist",

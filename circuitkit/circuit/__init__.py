@@ -1,14 +1,15 @@
 """The circuit language: YAML text to `CircuitSpec` to `CircuitGraph`, and the neuron models.
 
-Read in the order in which the data flows: `load` (file to spec), `spec` (the file's own terms), `resolve`
-(spec to graph, with every check on the way), `graph` (what everything else reads), `models` and `expression`
-(what a neuron does).
+Read in the order in which the data flows: `load` (files to a spec, by `parts`), `spec` (the file's own terms),
+`resolve` (spec to graph, with every check on the way; section by section in `resolving`), `graph` (what
+everything else reads). Beside these stand `expressions` (values and equations), `models` (what a neuron or a
+synapse does) and `authoring` (starters, normal form, schema, differences, explanations).
 """
 
+from circuitkit.circuit.authoring.schema import circuit_schema
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.circuit.load import check, load_circuit, parse_circuit
 from circuitkit.circuit.resolve import resolve
-from circuitkit.circuit.schema import circuit_schema
 from circuitkit.circuit.spec import CircuitSpec
 
 __all__ = [

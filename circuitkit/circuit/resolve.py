@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from circuitkit.circuit.checks import doubts
-from circuitkit.circuit.declared_models import DeclaredModels
-from circuitkit.circuit.ends import Nodes
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Projection
-from circuitkit.circuit.header import HEADER_KEYS, read_header
-from circuitkit.circuit.items import Findings
-from circuitkit.circuit.memory import Budget
-from circuitkit.circuit.neurons import neurons
-from circuitkit.circuit.outputs import outputs
 from circuitkit.circuit.parts import Module, module_of
-from circuitkit.circuit.populations import populations
-from circuitkit.circuit.scope import Scope
-from circuitkit.circuit.signals import Signals, unknown_inputs
+from circuitkit.circuit.resolving.checks import doubts
+from circuitkit.circuit.resolving.declared_models import DeclaredModels
+from circuitkit.circuit.resolving.ends import Nodes
+from circuitkit.circuit.resolving.header import HEADER_KEYS, read_header
+from circuitkit.circuit.resolving.items import Findings
+from circuitkit.circuit.resolving.memory import Budget
+from circuitkit.circuit.resolving.neurons import neurons
+from circuitkit.circuit.resolving.outputs import outputs
+from circuitkit.circuit.resolving.populations import populations
+from circuitkit.circuit.resolving.scope import Scope
+from circuitkit.circuit.resolving.signals import Signals, unknown_inputs
+from circuitkit.circuit.resolving.synapses import Synapses
 from circuitkit.circuit.spec import CircuitSpec
-from circuitkit.circuit.synapses import Synapses
 from circuitkit.errors import InputError, UnknownNameError
 from circuitkit.units import parse_unit
 
@@ -76,7 +76,7 @@ def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> Cir
     for each in scopes:
         synapses.add(each, models[id(each)])
         if any(each.projections()):
-            from circuitkit.circuit.projections import projections  # brings numpy
+            from circuitkit.circuit.resolving.projections import projections  # brings numpy
 
             many.extend(projections(each, models[id(each)], nodes, signals, budget, header))
     read = tuple(outputs(scope, nodes))

@@ -22,8 +22,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from circuitkit.circuit.expressions.values import not_a_value
 from circuitkit.circuit.graph import Role, Timing
-from circuitkit.circuit.values import not_a_value
 from circuitkit.source import FileModel, describe
 from circuitkit.units import parse_unit
 

@@ -11,7 +11,7 @@ from circuitkit.cli.options import Settings, read_graph
 from circuitkit.cli.printing import examples, print_json
 
 if TYPE_CHECKING:
-    from circuitkit.circuit.difference import Change
+    from circuitkit.circuit.authoring.difference import Change
 
 CIRCUITS_DIFFER = 1
 _SIGNS = {"added": "+", "removed": "-", "changed": "~", "renamed": "="}
@@ -45,7 +45,7 @@ def diff(
     """
     from dataclasses import asdict
 
-    from circuitkit.circuit.difference import compare_circuits
+    from circuitkit.circuit.authoring.difference import compare_circuits
 
     changes = compare_circuits(read_graph(old, None), read_graph(new, settings))
     if as_json:

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from circuitkit.circuit.explanation import Connection, Explanation, explain
+from circuitkit.circuit.authoring.explanation import Connection, Explanation, explain
 from circuitkit.circuit.graph import CircuitGraph, Neuron
 from circuitkit.cli.plot import text_plot
 from circuitkit.cli.printing import note, print_json, print_table

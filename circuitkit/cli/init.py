@@ -36,7 +36,7 @@ def init(
     It is valid, runs at once, and its comments say what to try. The JSON Schema that editors need to check
     and complete circuit files is written beside it. Missing folders of FILE are made.
     """
-    from circuitkit.circuit.starter import write_starter
+    from circuitkit.circuit.authoring.starter import write_starter
 
     for path in write_starter(file, template, force=force):
         note(f"wrote {path}")

@@ -64,7 +64,7 @@ def show(
 
         show_neuron(graph, neuron, output, as_json=as_json)
         return
-    from circuitkit.circuit.flat import flat_document, flat_yaml
+    from circuitkit.circuit.authoring.flat import flat_document, flat_yaml
 
     if as_json:
         print_json(flat_document(graph))
@@ -130,7 +130,7 @@ def _print_tables(graph: CircuitGraph) -> None:
 
 def _print_edges(title: str, graph: CircuitGraph, edges: Sequence[Synapse | Projection]) -> None:
     """A table of synapses or projections; columns in which nothing stands are left out."""
-    from circuitkit.circuit.elements import Weights
+    from circuitkit.circuit.authoring.elements import Weights
 
     weights = Weights(graph)
 
@@ -155,8 +155,8 @@ def _print_edges(title: str, graph: CircuitGraph, edges: Sequence[Synapse | Proj
 
 
 def _parameters(neuron: Neuron | Population) -> Iterator[str]:
-    from circuitkit.circuit.elements import value_text
-    from circuitkit.circuit.flat import parameter_unit
+    from circuitkit.circuit.authoring.elements import value_text
+    from circuitkit.circuit.authoring.flat import parameter_unit
 
     for parameter in neuron.model.parameters:
         value = neuron.parameters[parameter.name]
@@ -164,7 +164,7 @@ def _parameters(neuron: Neuron | Population) -> Iterator[str]:
 
 
 def _readout(output: OutputNode) -> Iterator[str]:
-    from circuitkit.circuit.elements import value_text
+    from circuitkit.circuit.authoring.elements import value_text
 
     for name, weight in output.readout:
         yield f"{value_text(weight, output.unit)} · {name}"

@@ -68,7 +68,7 @@ def _check(file: str, values: dict[str, str]) -> tuple[tuple[Problem, ...], tupl
     errors, warnings = check(file)
     if values and not errors:
         from circuitkit.circuit import load_circuit
-        from circuitkit.circuit.settings import resolve_with
+        from circuitkit.circuit.authoring.settings import resolve_with
         from circuitkit.errors import InputError
 
         try:

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
-from circuitkit.circuit.neurons import shown_unit
+from circuitkit.circuit.resolving.neurons import shown_unit
 from circuitkit.engine.compile import compile_circuit
 from circuitkit.engine.input_table import TIME, constant_inputs, read_inputs
 from circuitkit.engine.program import Precision, Program

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
-from circuitkit.circuit.settings import resolve_with
+from circuitkit.circuit.authoring.settings import resolve_with
 from circuitkit.control import CircuitController, Controller, OpenLoop
 from circuitkit.errors import InputError, MissingDependencyError, Problem, UnknownNameError
 from circuitkit.gait import Walk, load_gait

@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
-from circuitkit.circuit.difference import Change, compare_circuits
+from circuitkit.circuit.authoring.difference import Change, compare_circuits
 from circuitkit.circuit.graph import Population, Projection
 from circuitkit.circuit.models import neuron_model
 from circuitkit.source import data_folder

@@ -8,8 +8,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from circuitkit.circuit.dimensions import NO_DIMENSION, OpenDimension, check_dimension, dimension_of
-from circuitkit.circuit.expression import (
+from circuitkit.circuit.expressions.dimensions import (
+    NO_DIMENSION,
+    OpenDimension,
+    check_dimension,
+    dimension_of,
+)
+from circuitkit.circuit.expressions.expression import (
     BINARY_OPERATORS,
     COMPARISONS,
     FUNCTION_ARITY,
@@ -20,7 +25,7 @@ from circuitkit.circuit.expression import (
     Number,
     Unary,
 )
-from circuitkit.circuit.parsing import parse_expression
+from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.errors import ExpressionError
 from circuitkit.units import parse_unit
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuitkit.circuit.expression import (
+from circuitkit.circuit.expressions.expression import (
     BINARY_OPERATORS,
     FUNCTION_ARITY,
     Binary,
@@ -18,7 +18,7 @@ from circuitkit.circuit.expression import (
     Number,
     Unary,
 )
-from circuitkit.circuit.parsing import parse_expression
+from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.errors import ExpressionError
 
 NAMES = ("A", "slope", "shift")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
-from circuitkit.circuit.flat import exact, flat_yaml
+from circuitkit.circuit.authoring.flat import exact, flat_yaml
 from circuitkit.source import shipped_names
 from circuitkit.units import parse_quantity, parse_unit
 

@@ -14,8 +14,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
-from circuitkit.circuit.difference import compare_circuits
-from circuitkit.circuit.formatting import FormatError, format_file, format_text, normal_quantity
+from circuitkit.circuit.authoring.difference import compare_circuits
+from circuitkit.circuit.authoring.formatting import FormatError, format_file, format_text, normal_quantity
 from circuitkit.errors import InputError
 from circuitkit.source import data_folder, dump_yaml, parse_yaml, shipped_names
 from circuitkit.source.commented import read_commented
@@ -287,7 +287,7 @@ def test_an_invalid_file_is_refused_with_its_errors():
 
 def test_what_would_mean_something_else_is_refused(monkeypatch):
     monkeypatch.setattr(
-        "circuitkit.circuit.formatting.write_commented", lambda *_: TIDY.replace("5 mm", "6 mm")
+        "circuitkit.circuit.authoring.formatting.write_commented", lambda *_: TIDY.replace("5 mm", "6 mm")
     )
     with pytest.raises(FormatError) as error:
         format_text(TIDY, "c.yaml")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
-from circuitkit.circuit.flat import flat_yaml
+from circuitkit.circuit.authoring.flat import flat_yaml
 from circuitkit.engine import compile_circuit, run
 from circuitkit.errors import UnknownNameError
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from circuitkit.circuit import check, circuit_schema
-from circuitkit.circuit.expression import SCALAR_FUNCTIONS
+from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.engine import compile_circuit, run
 from circuitkit.units import UNIT_SYMBOLS

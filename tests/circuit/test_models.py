@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
     STATIC,

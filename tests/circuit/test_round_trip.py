@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuitkit.circuit import CircuitSpec, parse_circuit, resolve
-from circuitkit.circuit.flat import flat_yaml
+from circuitkit.circuit.authoring.flat import flat_yaml
 from circuitkit.errors import InputError, Problem
 from circuitkit.source import dump_yaml
 

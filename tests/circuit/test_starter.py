@@ -9,8 +9,8 @@ import shlex
 import pytest
 
 from circuitkit.circuit import check, circuit_schema
-from circuitkit.circuit.formatting import format_text
-from circuitkit.circuit.starter import TEMPLATES, ExistsError, starter_text, write_starter
+from circuitkit.circuit.authoring.formatting import format_text
+from circuitkit.circuit.authoring.starter import TEMPLATES, ExistsError, starter_text, write_starter
 from circuitkit.cli.main import main
 from circuitkit.errors import InputError
 from circuitkit.source import data_folder, shipped_names

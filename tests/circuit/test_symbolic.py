@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from circuitkit.circuit.expression import (
+from circuitkit.circuit.expressions.expression import (
     BINARY_OPERATORS,
     FUNCTION_ARITY,
     Call,
@@ -17,9 +17,9 @@ from circuitkit.circuit.expression import (
     Number,
     Unary,
 )
-from circuitkit.circuit.expression import Binary as Joined
-from circuitkit.circuit.parsing import parse_expression
-from circuitkit.circuit.symbolic import constant, derivative, simplify, substitute
+from circuitkit.circuit.expressions.expression import Binary as Joined
+from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
 
 NAMES = ("x", "y")
 points = st.floats(-3, 3)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circuitkit.circuit import check, parse_circuit, resolve
-from circuitkit.circuit.values import ValueProblemError, evaluate, unknown_parameter
+from circuitkit.circuit.expressions.values import ValueProblemError, evaluate, unknown_parameter
 from circuitkit.units import Quantity, parse_quantity
 
 PARAMETERS = {

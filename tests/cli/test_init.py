@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from circuitkit.circuit.starter import TEMPLATES
+from circuitkit.circuit.authoring.starter import TEMPLATES
 
 
 def test_a_starter_is_written_and_runs(circuitkit):

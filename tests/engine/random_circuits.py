@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from hypothesis import strategies as st
 
+from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import (
     CircuitGraph,
     InputNode,
@@ -20,7 +21,6 @@ from circuitkit.circuit.graph import (
 )
 from circuitkit.circuit.models import STATIC, NeuronModel, Spike, SynapseModel, UnitRule, neuron_model
 from circuitkit.circuit.models.model import Method, ModelParameter, ModelState
-from circuitkit.circuit.parsing import parse_expression
 from circuitkit.units import DIMENSIONLESS
 
 RULE = UnitRule("1")

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import expm
 
+from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.circuit.expressions.symbolic import derivative
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.circuit.parsing import parse_expression
-from circuitkit.circuit.symbolic import derivative
 
 WORD = 2**64 - 1
 PLAIN = parse_expression("weight * pre", ("weight", "pre"))

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from programs import program_of
 from random_circuits import any_circuits
 
+from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.circuit.parsing import parse_expression
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.c import source
 from circuitkit.engine.backends.c.build import unavailable

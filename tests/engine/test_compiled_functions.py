@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from programs import program_of
 
-from circuitkit.circuit.parsing import parse_expression
+from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.operations import Map

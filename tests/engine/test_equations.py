@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuitkit.circuit.expression import FUNCTION_ARITY, SCALAR_FUNCTIONS
+from circuitkit.circuit.expressions.expression import FUNCTION_ARITY, SCALAR_FUNCTIONS
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS

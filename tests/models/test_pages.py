@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
-from circuitkit.circuit.expression import FUNCTION_ARITY
+from circuitkit.circuit.expressions.expression import FUNCTION_ARITY
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.circuit.models.forms import NeuronForm, SynapseForm
 from circuitkit.engine import compile_circuit, run

@@ -7,13 +7,18 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from circuitkit.circuit.dimensions import NO_DIMENSION, OpenDimension, check_dimension, dimension_of
-from circuitkit.circuit.expression import FUNCTION_ARITY, Expression, Number
+from circuitkit.circuit.expressions.dimensions import (
+    NO_DIMENSION,
+    OpenDimension,
+    check_dimension,
+    dimension_of,
+)
+from circuitkit.circuit.expressions.expression import FUNCTION_ARITY, Expression, Number
+from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.circuit.expressions.symbolic import derivative
 from circuitkit.circuit.models.forms import ParameterForm, StateForm
 from circuitkit.circuit.models.model import Method, ModelParameter, ModelState, UnitRule
 from circuitkit.circuit.models.unit_rules import parse_unit_rule
-from circuitkit.circuit.parsing import parse_expression
-from circuitkit.circuit.symbolic import derivative
 from circuitkit.errors import ExpressionError, InputError, Problem, UnitError, listing, suggest
 from circuitkit.source import Document, Place
 from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_quantity

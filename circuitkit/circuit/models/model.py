@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
-from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.units import Dimension, Unit
 
 # Names that expressions of neuron models may use beside their own parameters and states:

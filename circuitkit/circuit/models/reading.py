@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
-from circuitkit.circuit.dimensions import NO_DIMENSION, OpenDimension
-from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
+from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models.declaration import Declaration
 from circuitkit.circuit.models.forms import NeuronForm, SpikeForm, SynapseForm
 from circuitkit.circuit.models.model import (

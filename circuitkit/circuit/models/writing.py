@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from circuitkit.circuit.exact import exact
-from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.expressions.exact import exact
+from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models.model import ModelParameter, ModelState, NeuronModel, SynapseModel
 from circuitkit.units import DIMENSIONLESS
 

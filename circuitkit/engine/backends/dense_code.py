@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
 from circuitkit.engine.backends.dense_plan import Element, Layout, Stage, moved
 from circuitkit.engine.operations import Map, Operation, Sum
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
 from circuitkit.engine.operations import Map, Operation, Sum
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray
@@ -237,6 +237,10 @@ def make_layout(program: Program, stages: Sequence[Stage]) -> Layout:
     for stage in stages:
         parts, joints, elements = [], [], []
         where: dict[tuple[int, int], int] = {}
+        for cell in stage.cells:  # before their elements, which no product reads
+            if cell.joint:
+                place[cell.target] = count
+                count += 1
         for function in sorted({e.function for cell in stage.cells for e in cell.elements}):
             start = count
             chosen = [
@@ -254,9 +258,7 @@ def make_layout(program: Program, stages: Sequence[Stage]) -> Layout:
             parts.append((function, start, count))
         for number, cell in enumerate(stage.cells):
             if cell.joint:
-                place[cell.target] = count
-                joints.append((count, cell.joint, where[number, 0], where[number, 1]))
-                count += 1
+                joints.append((place[cell.target], cell.joint, where[number, 0], where[number, 1]))
         all_parts.append(parts)
         all_joints.append(joints)
         all_elements.append(elements)
@@ -362,14 +364,12 @@ def _accumulate(operation: Map, rows: FloatArray, limits: FloatArray) -> bool:
 def matrices(stages: Sequence[Stage], layout: Layout, sigmoid: float) -> list[FloatArray]:
     """G of every stage, shape (n_elements, k): it multiplies the first k places.
 
-    The last one has a row of zeros more, and all places: what is not finite makes this row not a number.
-    Arguments of sigmoids come out with the sign `sigmoid`.
+    Arguments of sigmoids come out with the sign `sigmoid`. There are two rows at least, for numpy copies the
+    numbers before it multiplies one.
     """
     found = []
-    for number, (stage, elements) in enumerate(zip(stages, layout.elements, strict=True)):
-        is_last = number == len(stages) - 1
-        n_rows = max(len(elements) + is_last, 2)  # numpy copies the numbers before it multiplies one row
-        matrix = np.zeros((n_rows, layout.count))
+    for stage, elements in zip(stages, layout.elements, strict=True):
+        matrix = np.zeros((max(len(elements), 2), layout.count))
         for i, element in enumerate(elements):
             matrix[i, 0] = element.constant
             for row, weight in stage.terms[element.row]:
@@ -377,6 +377,5 @@ def matrices(stages: Sequence[Stage], layout: Layout, sigmoid: float) -> list[Fl
             if element.function == "sigmoid":
                 matrix[i] *= sigmoid
         used = int(np.flatnonzero(matrix.any(axis=0)).max(initial=0)) + 1
-        used = max(used, layout.readouts[0]) if is_last else used
         found.append(np.ascontiguousarray(matrix[:, :used]))
     return found

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import expit, exprel
 
-from circuitkit.circuit.expression import COMPARISONS, Binary, Call, Expression, Name, Unary
+from circuitkit.circuit.expressions.expression import COMPARISONS, Binary, Call, Expression, Name, Unary
 from circuitkit.engine.state import FloatArray
 
 Operation: TypeAlias = Callable[[], object]

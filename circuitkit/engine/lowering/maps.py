@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.operations import IndexArray, Map
 from circuitkit.engine.state import FloatArray

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number
+from circuitkit.circuit.expressions.symbolic import derivative
 from circuitkit.circuit.models.model import Method
-from circuitkit.circuit.symbolic import derivative
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.lowering.maps import make_map
 from circuitkit.engine.lowering.table import Table

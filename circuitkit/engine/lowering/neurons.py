@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number
 from circuitkit.circuit.graph import Neuron, PerMember, Population
 from circuitkit.circuit.models.model import ACTIVATION, SPIKE, NeuronModel
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name
 from circuitkit.circuit.graph import OutputNode
 from circuitkit.engine.lowering.maps import make_map
 from circuitkit.engine.lowering.plan import Plan

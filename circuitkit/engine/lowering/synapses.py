@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.expression import Binary, Expression, Name
+from circuitkit.circuit.expressions.expression import Binary, Expression, Name
+from circuitkit.circuit.expressions.symbolic import substitute
 from circuitkit.circuit.graph import PerMember, Projection, Synapse
 from circuitkit.circuit.models import STATIC
 from circuitkit.circuit.models.model import (
@@ -22,7 +23,6 @@ from circuitkit.circuit.models.model import (
     WEIGHT,
     SynapseModel,
 )
-from circuitkit.circuit.symbolic import substitute
 from circuitkit.engine.lowering.cells import Block
 from circuitkit.engine.lowering.maps import make_map
 from circuitkit.engine.lowering.methods import System, advance

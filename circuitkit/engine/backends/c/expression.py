@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
 
 _INFIX = frozenset("+-*/")
 _COMPARISONS: Mapping[str, str] = {"<": "less", "<=": "less_equal", ">": "greater", ">=": "greater_equal"}

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.expression import Expression
+from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.engine.backends.c.expression import print_expression
 from circuitkit.engine.backends.c.rows import lasting_rows, print_memories, ranges
 from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum

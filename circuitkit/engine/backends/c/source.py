@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.expression import Binary, Call, Expression, Unary
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Unary
 from circuitkit.engine.backends.c.constants import Constants
 from circuitkit.engine.backends.c.loops import Arrays, print_loops
 from circuitkit.engine.backends.c.unrolled import print_unrolled

@@ -10,7 +10,7 @@ from circuitkit.units import format_quantity, parse_unit
 
 if TYPE_CHECKING:
     from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
-    from circuitkit.circuit.scope import Scope
+    from circuitkit.circuit.resolving.scope import Scope
 
 _FAR_FROM_WHOLE = 0.01
 _MILLISECOND = parse_unit("ms")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from circuitkit.circuit.difference import compare_circuits
+from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.load import FOLDER, parse_circuit
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.circuit.resolve import resolve

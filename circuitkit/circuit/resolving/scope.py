@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from circuitkit.circuit.declarations import (
+from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.values import (
+    LostNameError,
+    ValueProblemError,
+    compute,
+    evaluate,
+    unknown_parameter,
+)
+from circuitkit.circuit.parts import Module, Part
+from circuitkit.circuit.resolving.declarations import (
     RESERVED_NAME,
     a_kind,
     claim_names,
@@ -17,9 +26,7 @@ from circuitkit.circuit.declarations import (
     merged_parameters,
     refuse_inner_names,
 )
-from circuitkit.circuit.items import Findings, Item, SpecT
-from circuitkit.circuit.measures import Measure
-from circuitkit.circuit.parts import Module, Part
+from circuitkit.circuit.resolving.items import Findings, Item, SpecT
 from circuitkit.circuit.spec import (
     FileSpec,
     InputSpec,
@@ -31,7 +38,6 @@ from circuitkit.circuit.spec import (
     ProjectionSpec,
     SynapseSpec,
 )
-from circuitkit.circuit.values import LostNameError, ValueProblemError, compute, evaluate, unknown_parameter
 from circuitkit.errors import listing, suggest
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, Quantity, Unit

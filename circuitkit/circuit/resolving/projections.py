@@ -9,23 +9,23 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit import connectivity
-from circuitkit.circuit.connectivity import Connections
-from circuitkit.circuit.declared_models import DeclaredModels, Reader, written_parameters
-from circuitkit.circuit.ends import End, Nodes
+from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.spread import generator, listed
+from circuitkit.circuit.expressions.values import names_in
 from circuitkit.circuit.graph import PerMember, Projection, SynapseKind
-from circuitkit.circuit.header import Header
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.matrices import MatrixFileError, read_matrix
-from circuitkit.circuit.measures import Measure
-from circuitkit.circuit.memory import Budget
 from circuitkit.circuit.models import SynapseModel
-from circuitkit.circuit.neurons import start
-from circuitkit.circuit.scope import Scope
-from circuitkit.circuit.signals import Signals, Term
-from circuitkit.circuit.spec import ConnectSpec, ProjectionSpec
-from circuitkit.circuit.spread import generator, listed
-from circuitkit.circuit.synapses import (
+from circuitkit.circuit.resolving import connectivity
+from circuitkit.circuit.resolving.connectivity import Connections
+from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader, written_parameters
+from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.header import Header
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.matrices import MatrixFileError, read_matrix
+from circuitkit.circuit.resolving.memory import Budget
+from circuitkit.circuit.resolving.neurons import start
+from circuitkit.circuit.resolving.scope import Scope
+from circuitkit.circuit.resolving.signals import Signals, Term
+from circuitkit.circuit.resolving.synapses import (
     check_linear,
     check_parameters,
     check_reads,
@@ -36,7 +36,7 @@ from circuitkit.circuit.synapses import (
     source_end,
     weight_fits,
 )
-from circuitkit.circuit.values import names_in
+from circuitkit.circuit.spec import ConnectSpec, ProjectionSpec
 from circuitkit.errors import suggest
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, format_quantity

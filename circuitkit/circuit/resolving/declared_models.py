@@ -7,8 +7,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, TypeVar
 
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.measures import Measure
+from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
     SYNAPSE_MODEL_NAMES,
@@ -19,7 +18,8 @@ from circuitkit.circuit.models import (
     read_synapse_model,
     synapse_model,
 )
-from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import WithModelParameters
 from circuitkit.errors import InputError, listing, suggest
 from circuitkit.source import STRAY_TEXT, Document, Place

@@ -6,7 +6,15 @@ import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 
-from circuitkit.circuit.expression import COMPARISONS, Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.expressions.expression import (
+    COMPARISONS,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Unary,
+)
 
 _ZERO, _ONE = Number(0.0), Number(1.0)
 _NEAR_ZERO = Number(3e-4)  # below it, three terms of the series of exprel' are nearer than its closed form

@@ -11,8 +11,16 @@ from collections.abc import Callable, Mapping
 from itertools import product
 from typing import NamedTuple
 
-from circuitkit.circuit.expression import COMPARISONS, Binary, Call, Expression, Name, Number, Unary
-from circuitkit.circuit.symbolic import constant, simplify
+from circuitkit.circuit.expressions.expression import (
+    COMPARISONS,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Unary,
+)
+from circuitkit.circuit.expressions.symbolic import constant, simplify
 from circuitkit.errors import ExpressionError
 from circuitkit.units import Dimension, parse_unit
 

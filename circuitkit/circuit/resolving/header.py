@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import get_args
 
 from circuitkit.circuit.graph import Timing
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import FileSpec
 from circuitkit.errors import listing, suggest
 from circuitkit.units import DIMENSIONLESS, Quantity, parse_unit

@@ -10,10 +10,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from circuitkit.circuit.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name
-from circuitkit.circuit.measures import MEASURE_FUNCTIONS, Measure, MisfitError, is_finite, measure
-from circuitkit.circuit.parsing import parse_expression
-from circuitkit.circuit.quantities import with_stand_ins
+from circuitkit.circuit.expressions.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name
+from circuitkit.circuit.expressions.measures import (
+    MEASURE_FUNCTIONS,
+    Measure,
+    MisfitError,
+    is_finite,
+    measure,
+)
+from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.circuit.expressions.quantities import with_stand_ins
 from circuitkit.errors import ExpressionError, UnitError, listing, suggest
 from circuitkit.source import describe
 from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit, plain_signs

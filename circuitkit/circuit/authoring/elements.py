@@ -18,7 +18,7 @@ from circuitkit.circuit.graph import (
     Synapse,
 )
 from circuitkit.circuit.models import NeuronModel, SynapseModel
-from circuitkit.circuit.neurons import shown_unit
+from circuitkit.circuit.resolving.neurons import shown_unit
 from circuitkit.units import DIMENSIONLESS, Unit, format_quantity, parse_unit
 
 Fields: TypeAlias = "dict[str, tuple[Any, Unit | None]]"  # a value, and the unit in which it is shown

@@ -7,7 +7,7 @@ import re
 import shlex
 from pathlib import Path
 
-from circuitkit.circuit.schema import circuit_schema
+from circuitkit.circuit.authoring.schema import circuit_schema
 from circuitkit.circuit.spec import NAME_PATTERN
 from circuitkit.errors import CircuitkitError, InputError, Problem, UnknownNameError
 from circuitkit.files import write_text

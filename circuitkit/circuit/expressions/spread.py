@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.measures import Measure
-from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import DISTRIBUTIONS
 from circuitkit.errors import listing, suggest
 from circuitkit.source import Place, describe

@@ -6,17 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from circuitkit.circuit.checks import rounded_delay
-from circuitkit.circuit.declared_models import DeclaredModels, check_order, written_parameters
-from circuitkit.circuit.ends import End, Nodes
+from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.graph import Synapse, SynapseKind
-from circuitkit.circuit.header import Header
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.measures import Measure
 from circuitkit.circuit.models import SynapseModel
-from circuitkit.circuit.neurons import in_unit, shown_unit, start
-from circuitkit.circuit.scope import Scope
-from circuitkit.circuit.signals import Signals, Term
+from circuitkit.circuit.resolving.checks import rounded_delay
+from circuitkit.circuit.resolving.declared_models import DeclaredModels, check_order, written_parameters
+from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.header import Header
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.neurons import in_unit, shown_unit, start
+from circuitkit.circuit.resolving.scope import Scope
+from circuitkit.circuit.resolving.signals import Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
@@ -358,8 +358,8 @@ def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End
 
 def is_linear(model: SynapseModel) -> bool:
     """Whether a factor on the source may as well stand on the weight."""
-    from circuitkit.circuit.expression import Number
-    from circuitkit.circuit.symbolic import constant, derivative, simplify, substitute
+    from circuitkit.circuit.expressions.expression import Number
+    from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
 
     if model.states or model.reads:
         return False

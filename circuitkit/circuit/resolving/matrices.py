@@ -16,7 +16,7 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.connectivity import Connections
+from circuitkit.circuit.resolving.connectivity import Connections
 from circuitkit.errors import CircuitkitError, MissingDependencyError, listing
 
 Weights = npt.NDArray[np.float64] | None

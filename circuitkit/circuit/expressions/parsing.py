@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import partial
 
-from circuitkit.circuit.expression import (
+from circuitkit.circuit.expressions.expression import (
     CONSTANTS,
     FUNCTION_ARITY,
     Binary,
@@ -18,7 +18,7 @@ from circuitkit.circuit.expression import (
     Number,
     Unary,
 )
-from circuitkit.circuit.quantities import StandIns, with_stand_ins
+from circuitkit.circuit.expressions.quantities import StandIns, with_stand_ins
 from circuitkit.errors import ExpressionError, listing, suggest
 from circuitkit.units import DIMENSIONLESS, Quantity
 

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from circuitkit.circuit.declared_models import DeclaredModels, Reader, check_order, written_parameters
-from circuitkit.circuit.expression import SCALAR_FUNCTIONS
+from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
+from circuitkit.circuit.expressions.measures import Measure, array_functions
 from circuitkit.circuit.graph import Neuron
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.measures import Measure, array_functions
 from circuitkit.circuit.models import ModelParameter, ModelState, NeuronModel, SynapseModel
-from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.resolving.declared_models import (
+    DeclaredModels,
+    Reader,
+    check_order,
+    written_parameters,
+)
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.errors import listing, suggest
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, Dimension, Unit

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from circuitkit.circuit.elements import Weights, neuron_fields, value_text
+from circuitkit.circuit.authoring.elements import Weights, neuron_fields, value_text
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,

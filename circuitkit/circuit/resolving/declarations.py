@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from circuitkit.circuit.items import Findings, Item
 from circuitkit.circuit.parts import Part
+from circuitkit.circuit.resolving.items import Findings, Item
 from circuitkit.circuit.spec import ParameterSpec
 from circuitkit.units import UNIT_SYMBOLS
 

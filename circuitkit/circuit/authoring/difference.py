@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from circuitkit.circuit.elements import Element, elements_of, value_text
+from circuitkit.circuit.authoring.elements import Element, elements_of, value_text
 from circuitkit.circuit.graph import CircuitGraph, same
 
 What = Literal["added", "removed", "changed", "renamed"]

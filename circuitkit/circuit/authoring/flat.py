@@ -8,8 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from circuitkit.circuit.ends import End, Nodes
-from circuitkit.circuit.exact import exact
+from circuitkit.circuit.expressions.exact import exact
 from circuitkit.circuit.graph import (
     CircuitGraph,
     InputNode,
@@ -31,7 +30,8 @@ from circuitkit.circuit.models import (
     SynapseModel,
 )
 from circuitkit.circuit.models.writing import model_data
-from circuitkit.circuit.neurons import shown_unit, start
+from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.neurons import shown_unit, start
 from circuitkit.errors import CircuitkitError
 from circuitkit.source import dump_yaml
 from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_unit

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from circuitkit.circuit.ends import End, Nodes
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.neurons import in_unit
-from circuitkit.circuit.scope import Located, Scope
+from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.neurons import in_unit
+from circuitkit.circuit.resolving.scope import Located, Scope
 from circuitkit.circuit.spec import InstanceSpec, OutputSpec
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, Unit, parse_unit

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from circuitkit.circuit.declared_models import DeclaredModels, Reader
+from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.graph import Population
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.measures import Measure
-from circuitkit.circuit.memory import Budget
 from circuitkit.circuit.models import NeuronModel
-from circuitkit.circuit.neurons import neuron_noise, neuron_parameters, neuron_start
-from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.memory import Budget
+from circuitkit.circuit.resolving.neurons import neuron_noise, neuron_parameters, neuron_start
+from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import PopulationSpec
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS
@@ -68,7 +68,7 @@ def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, b
 
 
 def _reader(scope: Scope, item: Item[Any], size: int) -> Reader:
-    from circuitkit.circuit.spread import spread
+    from circuitkit.circuit.expressions.spread import spread
 
     def read(place: Place, value: object) -> Measure | None:
         return spread(scope, item, place, value, size)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from circuitkit.circuit.ends import Nodes
 from circuitkit.circuit.graph import OutputNode, PerMember
-from circuitkit.circuit.items import Item
-from circuitkit.circuit.neurons import in_unit
-from circuitkit.circuit.scope import Scope
+from circuitkit.circuit.resolving.ends import Nodes
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.neurons import in_unit
+from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import OutputSpec
 from circuitkit.units import DIMENSIONLESS, Unit, parse_unit
 
@@ -48,7 +48,7 @@ def _readout(
         reason = f"the output is {in_unit(unit)}"
         end = nodes.located(scope, item, place, located, at_key=True) if located else None
         if end is not None and end.is_population:
-            from circuitkit.circuit.spread import spread
+            from circuitkit.circuit.expressions.spread import spread
 
             values = spread(scope, item, place, value, end.size)
             if values is not None and scope.fits(item, place, values, unit, reason):

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from circuitkit.circuit.graph import InputNode, Neuron, Population, Role
-from circuitkit.circuit.items import Item
 from circuitkit.circuit.models import NeuronModel
-from circuitkit.circuit.scope import Located, Scope
+from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.scope import Located, Scope
 from circuitkit.source import Place
 from circuitkit.units import DIMENSIONLESS, Unit
 
