@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.script import number_of
+from benchmarks.script import number_of, scratch
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.engine import compile_circuit
 from circuitkit.study.bench import Amount, AnyCase
@@ -16,7 +16,7 @@ _FIRST_STEP = """
 import sys, time
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.engine import compile_circuit
-graph = resolve(load_circuit("binn_lateral"))
+graph = resolve(load_circuit(sys.argv[1]))
 compile_circuit(graph, backend="numpy").stepper(1).step()
 begin = time.perf_counter()
 compile_circuit(graph, backend="compiled").stepper(1).step()
@@ -43,8 +43,17 @@ def cases() -> tuple[AnyCase, ...]:
             Amount(f"load, check and compile: {n} + {n} lines of YAML", "s", _lines(n), limit)
             for n, limit in _SIZES.items()
         ),
-        Amount("compiled: the BiNN's first build, without a cache", "s", lambda: _built(cached=False), 3.0),
-        Amount("compiled: the BiNN from the cache", "s", lambda: _built(cached=True), 0.1),
+        Amount("compiled: the BiNN, first build without a cache", "s", lambda: _built("binn_lateral"), 3.0),
+        Amount("compiled: the BiNN, from the cache", "s", lambda: _built("binn_lateral", cached=True), 0.1),
+        *(
+            Amount(
+                f"compiled: {n} + {n} lines, first build without a cache",
+                "s",
+                lambda n=n: _built(_file(n)),
+                3.0,
+            )
+            for n in _SIZES
+        ),
         Amount("import circuitkit", "s", lambda: lambda: number_of(_IMPORT), 0.150),
     )
 
@@ -56,47 +65,43 @@ def _seconds_of(work: Callable[[], object]) -> float:
 
 
 def _binn() -> Callable[[], float]:
-    def work() -> object:
-        return compile_circuit(resolve(load_circuit("binn_lateral")))
-
-    work()
-    return lambda: _seconds_of(work)
+    return _compiled("binn_lateral")
 
 
 def _lines(n: int) -> Callable[[], Callable[[], float]]:
+    return lambda: _compiled(_file(n))
+
+
+def _compiled(circuit: str | Path) -> Callable[[], float]:
+    def work() -> object:
+        return compile_circuit(resolve(load_circuit(circuit)))
+
+    work()  # builds what `auto` may have to build, and imports what is imported late
+    return lambda: _seconds_of(work)
+
+
+def _file(n: int) -> Path:
     """A file of n neurons in layers and n synapses, every one with numbers of its own."""
-
-    def prepare() -> Callable[[], float]:
-        neurons = (
-            f"  n{i}: {{model: sigmoid, role: excitatory, slope: {1 + i % 97}, shift: 0.{i % 89}}}\n"
-            for i in range(n)
-        )
-        sources = ["u"] * _WIDTH + [f"n{i}" for i in range(n - _WIDTH)]
-        synapses = (
-            f"  - {{from: {source}, to: n{i}, weight: 1.{i % 83}}}\n" for i, source in enumerate(sources)
-        )
-        readout = ", ".join(f"n{i}: 1" for i in range(n - _WIDTH, n))
-        outputs = f'outputs:\n  y: {{unit: "1", readout: {{{readout}}}}}\n'
-        text = "".join((_HEAD, *neurons, "synapses:\n", *synapses, outputs))
-
-        def once() -> float:
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "lines.yaml"
-                path.write_text(text, encoding="utf-8")
-                return _seconds_of(lambda: compile_circuit(resolve(load_circuit(path))))
-
-        return once
-
-    return prepare
+    neurons = (
+        f"  n{i}: {{model: sigmoid, role: excitatory, slope: {1 + i % 97}, shift: 0.{i % 89}}}\n"
+        for i in range(n)
+    )
+    sources = ["u"] * _WIDTH + [f"n{i}" for i in range(n - _WIDTH)]
+    synapses = (f"  - {{from: {source}, to: n{i}, weight: 1.{i % 83}}}\n" for i, source in enumerate(sources))
+    readout = ", ".join(f"n{i}: 1" for i in range(n - _WIDTH, n))
+    outputs = f'outputs:\n  y: {{unit: "1", readout: {{{readout}}}}}\n'
+    path = scratch() / "lines.yaml"
+    path.write_text("".join((_HEAD, *neurons, "synapses:\n", *synapses, outputs)), encoding="utf-8")
+    return path
 
 
-def _built(*, cached: bool) -> Callable[[], float]:
+def _built(circuit: str | Path, *, cached: bool = False) -> Callable[[], float]:
     """The first step in a process of its own, with a cache of its own."""
 
     def once() -> float:
         with tempfile.TemporaryDirectory() as folder:
             if cached:
-                number_of(_FIRST_STEP, CIRCUITKIT_CACHE=folder)
-            return number_of(_FIRST_STEP, CIRCUITKIT_CACHE=folder)
+                number_of(_FIRST_STEP, str(circuit), CIRCUITKIT_CACHE=folder)
+            return number_of(_FIRST_STEP, str(circuit), CIRCUITKIT_CACHE=folder)
 
     return once

@@ -8,13 +8,11 @@ constant inputs, and without recording anything; what they find is compared with
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import importlib
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +23,7 @@ import numpy as np
 
 from benchmarks.bench_sparse import SHIFT, SLOPE, by_hand, checked, sparse_circuit, steps
 from benchmarks.plain import INPUTS, FloatArray, PlainBinn, binn, compiled_binn, loop, steps_of, threads
+from benchmarks.script import scratch
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.engine import compile_circuit, run
 from circuitkit.study.bench import AnyCase, AnyWork, Case, LeftOutError, Timed
@@ -73,13 +72,6 @@ def _peer(name: str, module: str) -> ModuleType:
     except ImportError as error:
         message = f"{name} is not installed ({error})"
         raise LeftOutError(message) from error
-
-
-def _scratch() -> Path:
-    """A folder that is there as long as this process."""
-    folder = tempfile.mkdtemp(prefix="circuitkit_bench_")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
 
 
 def _require_settled(outputs: FloatArray, plain: PlainBinn, tolerance: float = 1e-9) -> None:
@@ -136,7 +128,7 @@ def _pyrates() -> tuple[AnyWork, AnyWork]:
             for j in np.flatnonzero(row[2:])
         ]
     circuit = pyrates.CircuitTemplate(name="binn", path=None, nodes=nodes, edges=edges)
-    with contextlib.chdir(_scratch()):  # it writes the function to a file
+    with contextlib.chdir(scratch()):  # it writes the function to a file
         function, (t, v, *rest), _, _ = circuit.get_run_func(
             "step", step_size=1.0, vectorize=True, float_precision="float64", verbose=False
         )
@@ -267,7 +259,7 @@ def _standalone(script: str, **circuit: object) -> tuple[Callable[[], float], Ca
         What runs it and says how long it took after its start, [s]; what gives a variable's last values.
     """
     _peer("Brian2", "brian2")
-    folder = _scratch()
+    folder = scratch()
     np.savez(folder / "circuit.npz", **circuit)
     path = Path(__file__).with_name(script)
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -304,7 +296,7 @@ def _annarchy() -> tuple[AnyWork, AnyWork]:
     if shutil.which("cmake") is None:
         message = "ANNarchy builds with CMake, which is not installed"
         raise LeftOutError(message)
-    network.compile(directory=str(_scratch()), silent=True)
+    network.compile(directory=str(scratch()), silent=True)
     network.simulate(float(_SETTLED))
     _require_settled(cells.r, plain)
     return _inside_run(), lambda: network.simulate(float(_INSIDE))

@@ -1,10 +1,14 @@
-"""Runs pieces of Python in processes of their own, which begin without anything that this one has loaded."""
+"""Pieces of Python in processes of their own, which begin without what this one has loaded; and folders."""
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 
 def number_of(script: str, *arguments: str, **environment: str) -> float:
@@ -21,3 +25,10 @@ def number_of(script: str, *arguments: str, **environment: str) -> float:
         text=True,
     )
     return float(done.stdout.splitlines()[-1])
+
+
+def scratch() -> Path:
+    """A folder that is there as long as this process."""
+    folder = tempfile.mkdtemp(prefix="circuitkit_bench_")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
