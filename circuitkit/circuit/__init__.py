@@ -1,9 +1,9 @@
 """The circuit language: YAML text to `CircuitSpec` to `CircuitGraph`, and the neuron models.
 
-Read in the order in which the data flows: `load` (files to a spec, by `parts`), `spec` (the file's own terms),
-`resolve` (spec to graph, with every check on the way; section by section in `resolving`), `graph` (what
-everything else reads). Beside these stand `expressions` (values and equations), `models` (what a neuron or a
-synapse does) and `authoring` (starters, normal form, schema, differences, explanations).
+Read in the order in which the data flows: `load` (files to a spec, by `parts`), `spec` (the file's own
+terms), `resolve` (spec to graph, with every check on the way; section by section in `resolving`), `graph`
+(what everything else reads). Beside these stand `expressions` (values and equations), `models` (what a
+neuron or a synapse does) and `authoring` (starters, normal form, schema, differences, explanations).
 """
 
 from circuitkit.circuit.authoring.schema import circuit_schema
