@@ -117,7 +117,9 @@ def test_shipped_circuits_fit(name):
     assert accepts(read_yaml(data_folder("circuits") / f"{name}.yaml").data, SCHEMA)
 
 
-@pytest.mark.parametrize("path", sorted((PACKAGE / "authoring" / "starters").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted((PACKAGE / "authoring" / "starters").glob("*.yaml")), ids=lambda path: path.stem
+)
 def test_starters_fit(path):
     assert accepts(read_yaml(path).data, SCHEMA)
 

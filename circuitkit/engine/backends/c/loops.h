@@ -61,9 +61,10 @@ CK_INLINE void expect(const real *weights, const int32_t *sources, int n_weights
    how many terms every sum has, if not -1; `is_long` whether the weights do not fit into the cache. */
 CK_INLINE void sum_alone(real *restrict rows, const real *restrict sources_from, int64_t n,
     const int64_t *restrict indptr, const int32_t *restrict sources, const real *restrict weights, int n_weights,
-    int add, int64_t degree, int is_long, int64_t worker, int64_t workers)
+    int add, int64_t degree, int is_long, int64_t stride, int64_t worker, int64_t workers)
 {
     int64_t end = part_by_terms(indptr, n, worker + 1, workers);
+    (void)stride;
     for (int64_t i = part_by_terms(indptr, n, worker, workers); i < end; i++) {
         int64_t k = degree >= 0 ? indptr[0] + i * degree : indptr[i], stop = degree >= 0 ? k + degree : indptr[i + 1];
         real sum = add ? rows[i] : 0;
@@ -95,7 +96,7 @@ CK_INLINE void sum_batch(real *restrict rows, const real *restrict sources_from,
     }
 }
 
-CK_INLINE void recall(real *restrict rows, const real *restrict ring, int64_t n, const int32_t *slots,
+static __attribute__((unused)) void recall(real *restrict rows, const real *restrict ring, int64_t n, const int32_t *slots,
     const int32_t *steps, int64_t n_slots, int64_t place, int64_t depth, int64_t stride, int64_t worker, int64_t workers)
 {
     int64_t end = part(n, worker + 1, workers);
@@ -106,7 +107,7 @@ CK_INLINE void recall(real *restrict rows, const real *restrict ring, int64_t n,
     }
 }
 
-CK_INLINE void remember(const real *restrict table, real *restrict ring, int64_t n, const int32_t *sources,
+static __attribute__((unused)) void remember(const real *restrict table, real *restrict ring, int64_t n, const int32_t *sources,
     int64_t place, int64_t stride, int64_t worker, int64_t workers)
 {
     int64_t end = part(n, worker + 1, workers);
@@ -117,7 +118,7 @@ CK_INLINE void remember(const real *restrict table, real *restrict ring, int64_t
     }
 }
 
-CK_INLINE void add_noise(real *restrict rows, int64_t n, const real *scale, int n_scales, const int32_t *streams,
+static __attribute__((unused)) void add_noise(real *restrict rows, int64_t n, const real *scale, int n_scales, const int32_t *streams,
     const uint64_t *seeds, int64_t time, int64_t stride, int64_t worker, int64_t workers)
 {
     int64_t end = part(n, worker + 1, workers);

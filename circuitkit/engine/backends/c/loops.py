@@ -16,6 +16,11 @@ from circuitkit.engine.program import Program
 _LANES = 8
 _LONG = 200_000  # terms whose weights and indices do not fit into a processor's own cache
 _PARTS = "worker, workers"
+_SUM_ARGUMENTS = "rows, from, n, indptr, sources, weights"
+_SUM_PARAMETERS = (
+    "real *rows, const real *from, int64_t n, const int64_t *indptr, const int32_t *sources, "
+    "const real *weights, int64_t stride, int64_t worker, int64_t workers"
+)
 
 
 class Arrays:
@@ -49,7 +54,7 @@ class _Printer:
         self._program = program
         self._arrays = arrays
         self._alone = alone
-        self._functions: list[str] = []
+        self._functions: dict[str, str] = {}  # names by what stands behind them: like operations share one
         self._print: dict[type, Callable[..., str]] = {
             Sum: self._sum,
             Map: self._map,
@@ -69,7 +74,15 @@ class _Printer:
             f"static const int64_t kept[][2] = {{{kept}}};",
             *print_memories(program),
         ]
-        return "\n".join([*head, *self._functions, *step])
+        return "\n".join([*head, *self._printed_functions(), *step])
+
+    def _printed_functions(self) -> Iterator[str]:
+        for text, name in self._functions.items():
+            yield f"static __attribute__((noinline)) void {name}{text}"
+
+    def _function(self, text: str) -> str:
+        """The name of a function with these parameters and this body."""
+        return self._functions.setdefault(text, f"operation{len(self._functions)}")
 
     def _step(self) -> Iterator[str]:
         program = self._program
@@ -103,11 +116,14 @@ class _Printer:
         n = operation.stop - operation.start
         rows = f"table + {operation.start}L * stride, table + {operation.base}L * stride, {n}"
         indices = f"{self._array(operation.indptr)}, {self._array(operation.sources)}"
-        weights = f"{self._array(operation.weights)}, {operation.weights.ndim}, {int(operation.add)}"
-        if not self._alone:
-            return f"sum_batch({rows}, {indices}, {weights}, stride, {_PARTS});"
-        is_long = int(len(operation.sources) > _LONG)
-        return f"sum_alone({rows}, {indices}, {weights}, {_degree(operation.indptr)}, {is_long}, {_PARTS});"
+        kind = f"{operation.weights.ndim}, {int(operation.add)}"
+        if self._alone:
+            kind = f"{kind}, {_degree(operation.indptr)}, {int(len(operation.sources) > _LONG)}"
+        name = self._function(
+            f"({_SUM_PARAMETERS})\n"
+            f"{{ {'sum_alone' if self._alone else 'sum_batch'}({_SUM_ARGUMENTS}, {kind}, stride, {_PARTS}); }}"
+        )
+        return f"{name}({rows}, {indices}, {self._array(operation.weights)}, stride, {_PARTS});"
 
     def _noise(self, operation: Noise) -> str:
         scale = f"{self._array(operation.scale)}, {operation.scale.ndim}"
@@ -129,28 +145,30 @@ class _Printer:
         return f"remember(table, {ring}, {sources}, places[{operation.memory}], stride, {_PARTS});"
 
     def _map(self, operation: Map) -> str:
-        name = f"map{len(self._functions)}"
+        arguments: dict[str, str] = {}  # by parameter
+        for k, row in enumerate(operation.rows.values()):
+            arguments[f"const real *in{k}"] = f"table + {row}L * stride"
+        for k, (row, _) in enumerate(operation.results):
+            arguments[f"real *out{k}"] = f"table + {row}L * stride"
+        for k, values in enumerate(operation.constants.values()):
+            arguments[f"const real *constant{k}"] = self._array(values)
+        for k, rows in enumerate(operation.picks.values()):
+            arguments[f"const int32_t *pick{k}"] = self._array(rows)
         body = self._map_alone(operation) if self._alone else self._map_batch(operation)
-        head = f"static void {name}(const ck_context *c, int64_t worker, int64_t workers)"
-        bound = [
-            f"int64_t i = part({operation.count}, worker, workers);",
-            f"const int64_t end = part({operation.count}, worker + 1, workers);",
-            "real *const table = c->table;",
-            *(
-                f"const real *const constant{k} = {self._array(values)};"
-                for k, values in enumerate(operation.constants.values())
-            ),
-            *(
-                f"const int32_t *const pick{k} = {self._array(rows)};"
-                for k, rows in enumerate(operation.picks.values())
-            ),
-        ]
-        self._functions.append("\n".join([head, "{", *bound, *body, "}"]))
-        return f"{name}(c, {_PARTS});"
+        parameters = ", ".join(["const real *table", "int64_t stride", "int64_t n", *arguments])
+        name = self._function(
+            f"({parameters}, int64_t worker, int64_t workers)\n{{\n"
+            "(void)table, (void)stride;\n"
+            "int64_t i = part(n, worker, workers);\n"
+            "const int64_t end = part(n, worker + 1, workers);\n" + "\n".join(body) + "\n}"
+        )
+        return (
+            f"{name}({', '.join(['table', 'stride', str(operation.count), *arguments.values()])}, {_PARTS});"
+        )
 
     def _map_alone(self, operation: Map) -> Iterator[str]:
         for width in (_LANES, 1):
-            names = {name: f"load_{width}(table + {row} + i)" for name, row in operation.rows.items()}
+            names = {name: f"load_{width}(in{k} + i)" for k, name in enumerate(operation.rows)}
             names |= {name: f"pick_{width}(table, pick{k} + i)" for k, name in enumerate(operation.picks)}
             for k, (name, values) in enumerate(operation.constants.items()):
                 names[name] = (
@@ -162,12 +180,11 @@ class _Printer:
 
     def _map_batch(self, operation: Map) -> Iterator[str]:
         at = "* stride + at"
-        names = {name: f"load_8(table + ({row} + i) {at})" for name, row in operation.rows.items()}
+        names = {name: f"load_8(in{k} + i {at})" for k, name in enumerate(operation.rows)}
         names |= {name: f"load_8(table + pick{k}[i] {at})" for k, name in enumerate(operation.picks)}
         for k, (name, values) in enumerate(operation.constants.items()):
             place = f"constant{k}"
             names[name] = (f"all_8(*{place})", f"all_8({place}[i])", f"load_8({place} + i {at})")[values.ndim]
-        yield "const int64_t stride = c->stride;"
         yield "for (; i < end; i++) for (int64_t at = 0; at < stride; at += 8) {"
         yield from _evaluated(operation.results, names, _LANES, f"i {at}")
         yield "}"
@@ -183,9 +200,8 @@ def _evaluated(
         yield f"const v_{width} {variables[name]} = {value};"
     for k, (_, expression) in numbered:
         yield f"const v_{width} y{k} = {print_expression(expression, variables, width)};"
-    for k, (row, _) in numbered:
-        target = f"{row} + i" if place == "i" else f"({row} + i) * stride + at"
-        yield f"store_{width}(table + {target}, y{k});"
+    for k, _ in numbered:
+        yield f"store_{width}(out{k} + {place}, y{k});"
 
 
 def _degree(indptr: npt.NDArray[np.int64]) -> int:
