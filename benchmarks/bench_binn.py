@@ -1,7 +1,7 @@
 """The BiNN of 11 neurons: a call a step, many steps in a call, many robots, many different circuits.
 
-Plain numpy leaves the order of additions to its matrix product; so may we here (`reproducible=False`), but for
-the lines that say otherwise.
+Plain numpy leaves the order of additions to its matrix product. So may we here (`reproducible=False`), but
+for the lines that say otherwise.
 """
 
 from __future__ import annotations
