@@ -29,7 +29,7 @@ class CircuitController:
         observations: Mapping[str, Unit],
         commands: Mapping[str, Unit],
         step_s: float,
-        backend: str = "numpy",
+        backend: str = "auto",
     ) -> None:
         """Bind a circuit to a robot.
 

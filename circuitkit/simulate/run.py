@@ -47,7 +47,7 @@ class Plan:
     targets: Any
     circuit: CircuitGraph
     yardstick: CircuitGraph | None = None
-    backend: str = "numpy"
+    backend: str = "auto"
 
     def controller(self, name: str) -> Controller:
         """A controller by its name.
@@ -144,7 +144,7 @@ def make_plan(
     scenario: Scenario,
     circuit: str | Path | None = None,
     settings: Mapping[str, str] | None = None,
-    backend: str = "numpy",
+    backend: str = "auto",
 ) -> Plan:
     """Load what a scenario names and plan its walk.
 
@@ -198,7 +198,7 @@ def simulate(
     controller: str | None = None,
     circuit: str | Path | None = None,
     settings: Mapping[str, str] | None = None,
-    backend: str = "numpy",
+    backend: str = "auto",
     push: str | None = None,
     seed: int | None = None,
     output: str | Path | None = None,
@@ -243,7 +243,7 @@ def compare(
     *,
     circuit: str | Path | None = None,
     settings: Mapping[str, str] | None = None,
-    backend: str = "numpy",
+    backend: str = "auto",
     push: str | None = None,
     seed: int | None = None,
     output: str | Path | None = None,

@@ -85,7 +85,7 @@ def test_it_does_what_its_equations_say():
 
 def test_it_is_the_circuit_run_alone():
     observations = readings(50, 3)
-    program = compile_circuit(resolve(load_circuit("binn_lateral")), "numpy")
+    program = compile_circuit(resolve(load_circuit("binn_lateral")))
     order = [("force_difference", "zmp_y").index(name) for name in program.input_names]
     observations = observations[..., order]
     made = CircuitController(resolve(load_circuit("binn_lateral")), OBSERVATIONS, COMMANDS, 0.01)
@@ -102,7 +102,7 @@ def test_members_of_populations_are_recorded_one_by_one():
     assert made.trace_names[:3] == ("global", "ring[0]", "ring[1]")
     observations = np.full((5, 2, 2), 0.5)
     commands, traces = stepped(made, observations)
-    alone = run(compile_circuit(graph, "numpy"), observations)
+    alone = run(compile_circuit(graph), observations)
     np.testing.assert_array_equal(commands, alone.readout)
     np.testing.assert_array_equal(traces, alone.output)
 

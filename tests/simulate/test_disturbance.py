@@ -236,5 +236,5 @@ def test_a_fault_on_a_cell_that_does_not_exist_is_refused():
         fault_values([fault(), fault("LFsrXX")], WALK, nao())
     assert str(caught.value) == (
         "faults[1].cell: the robot has no force cell 'LFsrXX'; allowed: LFsrFL, LFsrFR, LFsrRL, LFsrRR, "
-        "RFsrFL, RFsrFR, RFsrRL, RFsrRR; did you mean 'LFsrRR'?"
+        "RFsrFL, RFsrFR, RFsrRL, RFsrRR; did you mean 'LFsrFL'?"
     )
