@@ -21,6 +21,7 @@ _ALIKE = 64  # rows a multiple of so many numbers apart would share places in th
 # Work of a step (terms and expressions, times the batch) from which more threads help, and from which other
 # threads of Python may run during a step.
 _WORK_FOR_THREADS = 150_000
+_WORK_FOR_A_WAIT = 30_000
 _WORK_TO_RELEASE = 50_000
 
 AnyArray = npt.NDArray[Any]
@@ -74,7 +75,7 @@ class CompiledKernel:
             own.ctypes.data,
             *(table.ctypes.data for table in tables),
             self._seeds.ctypes.data,
-            _threads(work),
+            _threads(work, source.waits),
             work,
             work > _WORK_TO_RELEASE,
             (self._table, self._rings, self._seeds, shared, own, arrays, tables),
@@ -172,11 +173,11 @@ def _addresses(arrays: Sequence[AnyArray]) -> npt.NDArray[np.uint64]:
     return np.array([*(array.ctypes.data for array in arrays), 0], dtype=np.uint64)
 
 
-def _threads(work: int) -> int:
-    """How many threads share the work: as `CIRCUITKIT_THREADS` says, else one for little work."""
+def _threads(work: int, waits: int) -> int:
+    """How many threads share the work: as `CIRCUITKIT_THREADS` says, else one for little work between waits."""
     if chosen := os.environ.get("CIRCUITKIT_THREADS", ""):
         return max(1, int(chosen)) if chosen.isdecimal() else 1
-    if work < _WORK_FOR_THREADS:
+    if work < _WORK_FOR_THREADS or work < _WORK_FOR_A_WAIT * waits:
         return 1
     try:
         return len(os.sched_getaffinity(0))

@@ -14,7 +14,7 @@
 #define CK_SPINS 2000
 
 /* Until all workers are here. */
-static void wait_for_all(ck_context *c, int64_t workers)
+static __attribute__((noinline)) void wait_for_all(ck_context *c, int64_t workers)
 {
     ck_barrier *barrier = c->barrier;
     if (workers == 1) return;

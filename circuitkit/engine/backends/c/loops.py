@@ -119,9 +119,9 @@ class _Printer:
         kind = f"{operation.weights.ndim}, {int(operation.add)}"
         if self._alone:
             kind = f"{kind}, {_degree(operation.indptr)}, {int(len(operation.sources) > _LONG)}"
+        general = "sum_alone" if self._alone else "sum_batch"
         name = self._function(
-            f"({_SUM_PARAMETERS})\n"
-            f"{{ {'sum_alone' if self._alone else 'sum_batch'}({_SUM_ARGUMENTS}, {kind}, stride, {_PARTS}); }}"
+            f"({_SUM_PARAMETERS})\n{{ {general}({_SUM_ARGUMENTS}, {kind}, stride, {_PARTS}); }}"
         )
         return f"{name}({rows}, {indices}, {self._array(operation.weights)}, stride, {_PARTS});"
 

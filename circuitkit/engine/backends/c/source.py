@@ -29,6 +29,7 @@ class Source:
         own: Rows of numbers of every member of the batch, shape (n, B).
         arrays: Long constants and indices.
         work: Roughly how many terms and expressions a step has.
+        waits: How often workers wait for each other in a step.
         unrolled: Whether members run one after the other through many steps.
     """
 
@@ -37,6 +38,7 @@ class Source:
     own: FloatArray
     arrays: tuple[npt.NDArray[np.generic], ...]
     work: int
+    waits: int
     unrolled: bool
 
 
@@ -63,6 +65,7 @@ def print_program(program: Program, batch: int) -> Source:
         constants.own_rows(batch),
         tuple(arrays.arrays),
         work,
+        0 if unrolled else len(program.operations),
         unrolled,
     )
 
