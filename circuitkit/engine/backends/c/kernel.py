@@ -174,7 +174,7 @@ def _addresses(arrays: Sequence[AnyArray]) -> npt.NDArray[np.uint64]:
 
 
 def _threads(work: int, waits: int) -> int:
-    """How many threads share the work: as `CIRCUITKIT_THREADS` says, else one for little work between waits."""
+    """How many threads share the work: what `CIRCUITKIT_THREADS` says, else one if there is little."""
     if chosen := os.environ.get("CIRCUITKIT_THREADS", ""):
         return max(1, int(chosen)) if chosen.isdecimal() else 1
     if work < _WORK_FOR_THREADS or work < _WORK_FOR_A_WAIT * waits:
