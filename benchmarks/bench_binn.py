@@ -45,27 +45,29 @@ def cases() -> tuple[AnyCase, ...]:
             for timing in get_args(Timing)
         ),
         Case(
-            "numpy: a call a step, the same bits as in a batch",
+            "numpy: a call a step, bits as in a batch",
             AGAINST,
             _one("numpy", "ordered", reproducible=True),
         ),
         Case("auto: a call a step, without a C compiler", AGAINST, _without_compiler, 0.25),
         Case("compiled: inside run, recorded", AGAINST, _inside_run, 0.02, steps=_STEPS),
         *(
-            Case(f"{backend}: a batch of {batch}", f"{AGAINST}, a batch", _batch(backend, batch), limit)
+            Case(f"{backend}: a batch of {batch}", f"{AGAINST}, the batch", _batch(backend, batch), limit)
             for batch, of_compiled in _BATCHES.items()
             for backend, limit in (("numpy", 1.0), ("compiled", of_compiled))
         ),
         *(
             Case(
-                f"{backend}: a batch of 1000, the same bits as alone",
-                f"{AGAINST}, a batch",
+                f"{backend}: a batch of 1000, bits as alone",
+                f"{AGAINST}, the batch",
                 _batch(backend, 1000, reproducible=True),
             )
             for backend in _LIMITS
         ),
         *(
-            Case(f"{backend}: a sweep of {_SWEEP}, per core", f"{AGAINST}, a loop", _sweep(backend), limit)
+            Case(
+                f"{backend}: a sweep of {_SWEEP}, per core", f"{AGAINST}, one by one", _sweep(backend), limit
+            )
             for backend, limit in (("numpy", None), ("compiled", 1 / 40))
         ),
     )

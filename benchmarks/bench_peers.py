@@ -55,8 +55,8 @@ def cases() -> tuple[AnyCase, ...]:
         ),
         *(
             Case(
-                f"compiled: the balanced network, {cores} core{'s' * (cores > 1)}, against Brian2",
-                "Brian2 standalone C++, 100 000 spiking neurons, a substep",
+                f"compiled: balanced network, {cores} core{'s' * (cores > 1)}, against Brian2",
+                "Brian2 standalone C++",
                 _brian_balanced(cores),
                 0.5,
             )

@@ -16,7 +16,7 @@ from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine import Program, compile_circuit
 from circuitkit.study.bench import AnyCase, AnyWork, Case, Loop
 
-AGAINST = "W @ o; 1 / (1 + exp(-m (a - s))), W a csr_array of scipy"
+AGAINST = "scipy CSR"
 SLOPE, SHIFT = 4.0, 0.5
 # Neurons, and the limit of the compiled backend on one core; no backend may be slower than scipy.
 _SIZES = {1_000: 0.4, 10_000: 0.7, 100_000: 0.85}

@@ -53,7 +53,7 @@ def bench(
         print_json([asdict(row) for row in rows])
         return
     print_table(
-        "benchmarks: time of the case / time of what it is compared with, medians",
+        "time of the case / time of what it is compared with, medians",
         ("case", ">seconds", ">ratio", ">limit", "", "against"),
         (_cells(row) for row in rows if not row.note),
     )
