@@ -12,7 +12,7 @@ import numpy as np
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron
 from circuitkit.draw.layers import make_layers
-from circuitkit.draw.network import make_network, node_of
+from circuitkit.draw.network import make_network
 from circuitkit.draw.responses import centres, function, member, response, span
 from circuitkit.draw.shapes import text_size
 from circuitkit.draw.style import (
@@ -140,9 +140,9 @@ def make_panels(graph: CircuitGraph) -> list[Panel]:
     """Neurons grouped by layer, role, unit and kind of answer, no more than six curves together."""
     layer_of = make_layers(make_network(graph)).layer_of
     groups: dict[tuple[Any, ...], list[tuple[str, Neuron]]] = {}
-    for name, neuron in _shown_neurons(graph):
+    for node, name, neuron in _shown_neurons(graph):
         answer = (bool(neuron.model.states), neuron.model.spike is not None)
-        key = (layer_of[node_of(name)], neuron.role, neuron.activation_unit, answer)
+        key = (layer_of[node], neuron.role, neuron.activation_unit, answer)
         groups.setdefault(key, []).append((name, neuron))
     panels = []
     for (_, role, unit, _), members in sorted(groups.items(), key=lambda each: each[0][0]):
@@ -160,17 +160,17 @@ def make_panels(graph: CircuitGraph) -> list[Panel]:
     return panels
 
 
-def _shown_neurons(graph: CircuitGraph) -> Iterator[tuple[str, Neuron]]:
-    """Neurons by name; of a population one member for all, or three where they differ."""
+def _shown_neurons(graph: CircuitGraph) -> Iterator[tuple[str, str, Neuron]]:
+    """Neurons with node and name; of a population one member for all, or three where they differ."""
     for neuron in graph.neurons:
-        yield neuron.name, neuron
+        yield neuron.name, neuron.name, neuron
     for population in graph.populations:
         if all(np.ndim(values) == 0 for values in population.parameters.values()):
-            yield population.name, member(population, 0)
+            yield population.name, population.name, member(population, 0)
             continue
         for index in dict.fromkeys((0, population.size // 2, population.size - 1)):
             shown = member(population, index)
-            yield shown.name, shown
+            yield population.name, shown.name, shown
 
 
 def _paint(axes: Axes, panel: Panel, *, first: bool) -> None:
