@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 _WIDTH, _HEIGHT = 60, 12  # characters
+_ROUNDING = 1e-9  # of the width; an end nearer to 0 is 0
 
 
 def text_plot(x: Sequence[float], y: Sequence[float], x_title: str, y_title: str) -> Iterator[str]:
@@ -31,7 +32,7 @@ def text_plot(x: Sequence[float], y: Sequence[float], x_title: str, y_title: str
         label = f"{high - tall * row / (_HEIGHT - 1):9.3g}" if row in {0, _HEIGHT - 1} else " " * 9
         yield f"{label} |{''.join(line)}".rstrip()
     yield f"{' ' * 9} +{'-' * _WIDTH}"
-    left, right = f"{x[0]:.3g}", f"{x[-1]:.3g}"
+    left, right = (f"{end if abs(end) > _ROUNDING * wide else 0.0:.3g}" for end in (x[0], x[-1]))
     yield f"{' ' * 11}{left}{right:>{_WIDTH - len(left)}}"
     yield f"{' ' * 11}{x_title:^{_WIDTH}}".rstrip()
 

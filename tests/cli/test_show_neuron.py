@@ -53,6 +53,23 @@ def test_a_member_of_a_population(circuitkit):
     assert "  steady output [1]" in lines
 
 
+def test_the_curve_of_a_member_is_drawn(circuitkit):
+    outcome = circuitkit("show", "ring_attractor", "ring[16]", "-o", "ring.svg")
+    assert (outcome.code, outcome.err) == (0, "wrote ring.svg\n")
+    assert "ring[16]" in Path("ring.svg").read_text(encoding="utf-8")
+
+
+def test_a_condition_is_shown_as_it_is_asked(circuitkit):
+    out = circuitkit("show", "spiking_reflex", "motor_left").out
+    assert re.search(r"^  spikes when +(= )?v >= threshold$", out, re.MULTILINE)
+
+
+def test_a_slope_of_an_angle_is_shown_per_degree(circuitkit):
+    circuitkit("init", "reflex.yaml")
+    out = circuitkit("show", "reflex.yaml", "left").out
+    assert re.search(r"^  slope +(= )?2 /deg ", out, re.MULTILINE)
+
+
 def test_a_population(circuitkit):
     lines = circuitkit("show", "ring_attractor", "ring").out.splitlines()
     assert lines[0] == "ring: excitatory population, leaky_linear"
@@ -117,5 +134,7 @@ def test_a_plot_in_characters():
     assert lines[12].startswith("        0 |*")
     assert lines[14].split() == ["0", "1"]
     assert all(len(line) <= 71 for line in lines)
+    rounded = list(text_plot([-4e-16, 6.0], [0.0, 2.0], "x", "y"))
+    assert rounded[14].split() == ["0", "6"]
     flat = list(text_plot([0.0, 1.0], [3.0, 3.0], "x", "y"))
     assert flat[1] == "        3 |" + "*" * 60

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from circuitkit.circuit.authoring.flat import parameter_unit
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,
@@ -183,12 +184,10 @@ def neuron_fields(node: Neuron | Population) -> Fields:
     fields: Fields = {"model": (node.model.name, None), "role": (node.role, None)}
     fields["unit"] = (unit.symbol, None)  # of the activation
     for parameter in node.model.parameters:
-        shown = shown_unit(parameter, parameter.unit_rule.dimension(unit.dimension), unit)
-        fields[parameter.name] = (node.parameters[parameter.name], shown)
+        fields[parameter.name] = (node.parameters[parameter.name], parameter_unit(node, parameter))
     for state in node.model.states:
         if state.name in node.initial:
-            shown = shown_unit(state, state.unit_rule.dimension(unit.dimension), unit)
-            fields[f"initial {state.name}"] = (node.initial[state.name], shown)
+            fields[f"initial {state.name}"] = (node.initial[state.name], parameter_unit(node, state))
     fields["noise"] = (node.noise, unit)
     return fields | _described(node.description)
 

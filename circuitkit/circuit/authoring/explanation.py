@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from circuitkit.circuit.authoring.elements import Weights, neuron_fields, value_text
+from circuitkit.circuit.expressions.expression import COMPARISONS, Binary
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,
@@ -77,7 +78,9 @@ class Explanation:
         found = {f"d{name}/dt": str(each) for name, each in model.derivatives.items()}
         found |= {f"next {name}": str(each) for name, each in model.updates.items()}
         if model.spike is not None:
-            found["spikes when"] = f"{model.spike.when} > 0"
+            when = model.spike.when
+            compared = isinstance(when, Binary) and when.operator in COMPARISONS
+            found["spikes when"] = str(when) if compared else f"{when} > 0"
             found |= {f"then {name}": str(each) for name, each in model.spike.reset.items()}
         return {**found, "output": str(model.output)}
 
