@@ -294,6 +294,14 @@ def test_what_is_wrong_is_named_with_its_place(old, new, message):
     assert message in errors(old, new)
 
 
+def test_the_readout_of_a_population_that_is_wrong_is_not_complained_about():
+    weights = "readout: {ring: cos(2 * pi * i / n)"
+    document = BASE.replace("size: 64", "size: 0").replace("readout: {ring: 1", weights)
+    with pytest.raises(InputError) as caught:
+        resolve(parse_circuit(document, "f.yaml"))
+    assert [problem.where for problem in caught.value.problems] == ["populations.ring.size"]
+
+
 def test_too_many_neurons_are_refused_before_anything_is_allocated(monkeypatch):
     monkeypatch.setattr(memory, "machine_bytes", lambda: 24_000_000_000)
     assert errors("size: 64", "size: 1000000000")[0] == (

@@ -54,6 +54,8 @@ def _readout(
             if values is not None and scope.fits(item, place, values, unit, reason):
                 yield end.name, values.value
             continue
+        if end is None and (located is None or located.kind == "population"):
+            continue  # whether it is a list of weights cannot be told
         weight = scope.value(item, place, value, unit, reason)
         if weight is not None:
             if weight.value_si == 0:
