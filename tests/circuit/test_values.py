@@ -90,6 +90,7 @@ def test_a_multiple_keeps_its_unit_and_a_ratio_has_none(unit, value, factor):
         ("2 ^ edge", "found '2 ^ edge', which has length as an exponent; allowed: a number without unit there", "", 0),
         ("edge / 0", "found 'edge / 0', which has no value (float division by zero); allowed: a finite number", "", 0),
         ("exp(1000)", "found 'exp(1000)', which has no value (math range error); allowed: a finite number", "", 0),
+        ("9 ^ 9 ^ 9", "found '9 ^ 9 ^ 9', which has no value (math range error); allowed: a finite number", "", 0),
         ("10 ^ 300 * 10 ^ 300", "found '10 ^ 300 * 10 ^ 300', which is too large or no number; allowed: a finite number", "", 0),
         ("(-8) ^ 0.5", "found '(-8) ^ 0.5', which has no value (a negative number has no real power of this exponent); allowed: a finite number", "", 0),
         ("edge - magrin", "unknown parameter 'magrin'; allowed: a number, a quantity such as '-80 mm', or a parameter: "

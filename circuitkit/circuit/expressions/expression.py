@@ -57,7 +57,11 @@ def where(condition: float, then: float, otherwise: float) -> float:
 
 def _power(base: Value, exponent: Value) -> Value:
     """A real power; Python's own of a negative float would be complex."""
-    value = base**exponent
+    try:
+        value = base**exponent
+    except OverflowError as error:  # its own words have the number of a system's error
+        message = "math range error"
+        raise OverflowError(message) from error
     if isinstance(value, complex):
         message = "a negative number has no real power of this exponent"
         raise ValueError(message)  # noqa: TRY004 - as the functions of `math` do
@@ -124,9 +128,13 @@ class Expression(ABC):
         """Its text as an operand of something that binds so tightly."""
         return str(self) if self.binding >= binding else f"({self})"
 
-    @abstractmethod
+    def operands(self) -> tuple[Expression, ...]:
+        """What it is made of; nothing if it is a number or a name."""
+        return ()
+
     def names(self) -> frozenset[str]:
         """The names that occur in it."""
+        return frozenset().union(*(operand.names() for operand in self.operands()))
 
     @abstractmethod
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
@@ -149,10 +157,6 @@ class Number(Expression):
 
     value: float
     unit: Unit = field(default=DIMENSIONLESS, compare=False, repr=False)
-
-    def names(self) -> frozenset[str]:
-        """No names."""
-        return frozenset()
 
     def evaluate(self, _values: Values, _functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
         """The number itself."""
@@ -194,9 +198,9 @@ class Unary(Expression):
     operator: str
     operand: Expression
 
-    def names(self) -> frozenset[str]:
-        """The names of the operand."""
-        return self.operand.names()
+    def operands(self) -> tuple[Expression, ...]:
+        """The operand."""
+        return (self.operand,)
 
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
         """The operand with the sign."""
@@ -220,9 +224,9 @@ class Binary(Expression):
     left: Expression
     right: Expression
 
-    def names(self) -> frozenset[str]:
-        """The names of both operands."""
-        return self.left.names() | self.right.names()
+    def operands(self) -> tuple[Expression, ...]:
+        """Left and right."""
+        return (self.left, self.right)
 
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
         """The operands joined."""
@@ -248,9 +252,9 @@ class Call(Expression):
     function: str
     arguments: tuple[Expression, ...]
 
-    def names(self) -> frozenset[str]:
-        """The names of all arguments."""
-        return frozenset().union(*(argument.names() for argument in self.arguments))
+    def operands(self) -> tuple[Expression, ...]:
+        """The arguments."""
+        return self.arguments
 
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
         """The function of the arguments' values."""

@@ -69,6 +69,26 @@ def parse_expression(text: str, names: Iterable[str], *, units: bool = False) ->
         raise ExpressionError(message, source.offset(column - 1)) from error
 
 
+def require_values(expression: Expression) -> None:
+    """Check that what consists of numbers alone, such as `1 / 0`, has a value.
+
+    Raises:
+        ExpressionError: It has none, or none that is finite; its `offset` says where in the text.
+    """
+    if expression.names():
+        for part in expression.operands():
+            require_values(part)
+        return
+    try:
+        value = expression.evaluate({})
+        why = "" if math.isfinite(value) else "too large"
+    except (ArithmeticError, ValueError) as error:
+        why = str(error)
+    if why:
+        message = f"found '{expression}', which has no value ({why}); allowed: a finite number"
+        raise ExpressionError(message, expression.offset)
+
+
 class _Source:
     """An expression as written and as Python has it, with the names and quantities that may occur."""
 

@@ -14,7 +14,7 @@ from circuitkit.circuit.expressions.dimensions import (
     dimension_of,
 )
 from circuitkit.circuit.expressions.expression import FUNCTION_ARITY, Expression, Number
-from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.circuit.expressions.parsing import parse_expression, require_values
 from circuitkit.circuit.expressions.symbolic import derivative
 from circuitkit.circuit.models.forms import ParameterForm, StateForm
 from circuitkit.circuit.models.model import Method, ModelParameter, ModelState, UnitRule
@@ -124,10 +124,12 @@ class Declaration:
     def equation(self, place: Place, text: str, names: Iterable[str]) -> Expression:
         """The expression of these names; complains and goes on with zero."""
         try:
-            return parse_expression(text, names, units=True)
+            found = parse_expression(text, names, units=True)
+            require_values(found)
         except ExpressionError as error:
             self.complain(place, str(error), offset=error.offset)
             return Number(0.0)
+        return found
 
     def check(self, place: Place, expression: Expression, wanted: OpenDimension | None) -> None:
         """Complain about an expression that joins what does not fit, or is not of the dimension wanted."""
