@@ -24,7 +24,17 @@ from pathlib import Path
 from types import ModuleType
 
 HERE = Path(__file__).parent
-HEADERS = ("context.h", "arithmetic.h", "lanes.h", "noise.h", "unrolled.h", "loops.h", "steps.h", "workers.h")
+HEADERS = (
+    "context.h",
+    "arithmetic.h",
+    "lanes.h",
+    "noise.h",
+    "unrolled.h",
+    "loops.h",
+    "active.h",
+    "steps.h",
+    "workers.h",
+)
 _FLAGS = (
     "-std=gnu11",
     "-O3",

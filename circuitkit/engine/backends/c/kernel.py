@@ -63,7 +63,7 @@ class CompiledKernel:
 
     def _make(self, source: Source, number: np.dtype[Any]) -> Any:  # noqa: ANN401  # a type made by the runtime
         shared, own = self._given(source.shared, number), self._given(source.own, number)
-        arrays = [self._given(array, number) for array in source.arrays]
+        arrays = [self._given(array, number) for array in source.arrays.made()]
         tables = [_addresses(arrays), _addresses(self._rings)]
         work = source.work * self.batch
         return load_runtime().Kernel(

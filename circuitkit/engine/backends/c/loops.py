@@ -9,33 +9,50 @@ import numpy.typing as npt
 
 from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.engine.backends.c.expression import print_expression
-from circuitkit.engine.backends.c.rows import lasting_rows, print_memories, ranges
+from circuitkit.engine.backends.c.rows import lasting_rows, print_memories, ranges, written_ranges
+from circuitkit.engine.backends.c.spikes import columns, n_sources, sums_of_spikes
 from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
 
 _LANES = 8
 _LONG = 200_000  # terms whose weights and indices do not fit into a processor's own cache
+_MOST_WORKERS = 64  # as in `workers.h`
 _PARTS = "worker, workers"
 _SUM_ARGUMENTS = "rows, from, n, indptr, sources, weights"
 _SUM_PARAMETERS = (
     "real *rows, const real *from, int64_t n, const int64_t *indptr, const int32_t *sources, "
     "const real *weights, int64_t stride, int64_t worker, int64_t workers"
 )
+_ACTIVE_ARGUMENTS = "n_sources, active, counts, begins, targets, by_column"
+_ACTIVE_PARAMETERS = (
+    "int64_t n_sources, const int32_t *active, const int64_t *counts, const int64_t *begins, "
+    "const int32_t *targets, const real *by_column"
+)
+
+AnyArray = npt.NDArray[np.generic]
 
 
 class Arrays:
     """The arrays that a program of loops is given, each once."""
 
     def __init__(self) -> None:
-        self.arrays: list[npt.NDArray[np.generic]] = []
+        self._make: list[Callable[[], AnyArray]] = []
         self._known: dict[int, int] = {}
 
-    def number(self, array: npt.NDArray[np.generic]) -> int:
+    def number(self, array: AnyArray) -> int:
         """The number by which C finds an array."""
         if id(array) not in self._known:
-            self._known[id(array)] = len(self.arrays)
-            self.arrays.append(array)
+            self._known[id(array)] = self.later(lambda: array)
         return self._known[id(array)]
+
+    def later(self, make: Callable[[], AnyArray]) -> int:
+        """The number of an array that is made when a kernel is."""
+        self._make.append(make)
+        return len(self._make) - 1
+
+    def made(self) -> list[AnyArray]:
+        """All of them, for a kernel."""
+        return [make() for make in self._make]
 
 
 def print_loops(program: Program, arrays: Arrays, *, alone: bool) -> str:
@@ -54,6 +71,9 @@ class _Printer:
         self._program = program
         self._arrays = arrays
         self._alone = alone
+        self._by_columns = sums_of_spikes(program) if alone else set()
+        self._lists: dict[tuple[int, int], tuple[int, int]] = {}  # numbers of arrays, by base and n_sources
+        self._found: set[tuple[int, int]] = set()  # bases and n_sources of which the active ones are known
         self._functions: dict[str, str] = {}  # names by what stands behind them: like operations share one
         self._print: dict[type, Callable[..., str]] = {
             Sum: self._sum,
@@ -102,28 +122,62 @@ class _Printer:
 
     def _do(self, operations: Iterable[Operation], time: str) -> Iterator[str]:
         self._time = time
+        self._found.clear()
         for operation in operations:
+            if operation in self._by_columns:
+                yield from self._find(operation)
             yield self._print[type(operation)](operation)
             yield "wait_for_all(c, workers);"
             if isinstance(operation, Remember):
                 name = operation.memory
                 yield f"places[{name}] = ck_ago(places[{name}], -1, {operation.depth});"
+            for start, stop in written_ranges(operation):
+                self._found -= {(base, n) for base, n in self._found if start < base + n and base < stop}
 
     def _array(self, array: npt.NDArray[np.generic]) -> str:
         return f"c->arrays[{self._arrays.number(array)}]"
+
+    def _find(self, operation: Sum) -> Iterator[str]:
+        """Finds the sources that are not zero, unless that has been done since they were written."""
+        key = base, n = operation.base, n_sources(operation)
+        if key not in self._lists:
+            active = self._arrays.later(lambda: np.zeros(n, np.int32))
+            self._lists[key] = active, self._arrays.later(lambda: np.zeros(_MOST_WORKERS, np.int64))
+        if key not in self._found:
+            lists = ", ".join(f"(void *)c->arrays[{number}]" for number in self._lists[key])
+            yield f"find_active(table + {base}L, {n}, {lists}, {_PARTS});"
+            yield "wait_for_all(c, workers);"
+        self._found.add(key)
 
     def _sum(self, operation: Sum) -> str:
         n = operation.stop - operation.start
         rows = f"table + {operation.start}L * stride, table + {operation.base}L * stride, {n}"
         indices = f"{self._array(operation.indptr)}, {self._array(operation.sources)}"
         kind = f"{operation.weights.ndim}, {int(operation.add)}"
+        parameters, further, body = _SUM_PARAMETERS, "", ""
+        if operation in self._by_columns:
+            parameters, further = f"{_ACTIVE_PARAMETERS}, {parameters}", f"{self._columns(operation)}, "
+            body = (
+                "if (are_few(counts, n_sources, workers)) "
+                f"sum_active(rows, from, n, {_ACTIVE_ARGUMENTS}, {kind}, {_PARTS});\nelse "
+            )
         if self._alone:
             kind = f"{kind}, {_degree(operation.indptr)}, {int(len(operation.sources) > _LONG)}"
         general = "sum_alone" if self._alone else "sum_batch"
         name = self._function(
-            f"({_SUM_PARAMETERS})\n{{ {general}({_SUM_ARGUMENTS}, {kind}, stride, {_PARTS}); }}"
+            f"({parameters})\n{{\n{body}{general}({_SUM_ARGUMENTS}, {kind}, stride, {_PARTS});\n}}"
         )
-        return f"{name}({rows}, {indices}, {self._array(operation.weights)}, stride, {_PARTS});"
+        return f"{name}({further}{rows}, {indices}, {self._array(operation.weights)}, stride, {_PARTS});"
+
+    def _columns(self, operation: Sum) -> str:
+        """The arguments for the sum by columns."""
+        numbers = [
+            *self._lists[operation.base, n_sources(operation)],
+            self._arrays.later(lambda: columns(operation).begins),
+            self._arrays.later(lambda: columns(operation).targets),
+            self._arrays.later(lambda: columns(operation).weights),
+        ]
+        return ", ".join([str(n_sources(operation)), *(f"c->arrays[{number}]" for number in numbers)])
 
     def _noise(self, operation: Noise) -> str:
         scale = f"{self._array(operation.scale)}, {operation.scale.ndim}"

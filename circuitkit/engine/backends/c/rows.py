@@ -64,11 +64,14 @@ def _reads(operation: Operation) -> set[int]:
 
 def written(operations: Iterable[Operation]) -> set[int]:
     """Rows that are written."""
-    rows: set[int] = set()
-    for operation in operations:
-        match operation:
-            case Map(count=count, results=results):
-                rows.update(start + i for start, _ in results for i in range(count))
-            case Sum(start=start, stop=stop) | Noise(start=start, stop=stop) | Recall(start=start, stop=stop):
-                rows.update(range(start, stop))
-    return rows
+    pairs = [pair for operation in operations for pair in written_ranges(operation)]
+    return {row for start, stop in pairs for row in range(start, stop)}
+
+
+def written_ranges(operation: Operation) -> Iterator[tuple[int, int]]:
+    """First rows that an operation writes, and the ones after the last."""
+    match operation:
+        case Map(count=count, results=results):
+            yield from ((start, start + count) for start, _ in results)
+        case Sum(start=start, stop=stop) | Noise(start=start, stop=stop) | Recall(start=start, stop=stop):
+            yield start, stop

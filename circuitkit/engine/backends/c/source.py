@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Unary
 from circuitkit.engine.backends.c.constants import Constants
 from circuitkit.engine.backends.c.loops import Arrays, print_loops
@@ -36,7 +33,7 @@ class Source:
     text: str
     shared: FloatArray
     own: FloatArray
-    arrays: tuple[npt.NDArray[np.generic], ...]
+    arrays: Arrays
     work: int
     waits: int
     unrolled: bool
@@ -58,12 +55,17 @@ def print_program(program: Program, batch: int) -> Source:
     if unrolled:
         body = [print_unrolled(program, constants, alone=alone), '#include "unrolled.h"']
     else:
-        body = ['#include "loops.h"', print_loops(program, arrays, alone=alone), '#include "steps.h"']
+        body = [
+            '#include "loops.h"',
+            '#include "active.h"',
+            print_loops(program, arrays, alone=alone),
+            '#include "steps.h"',
+        ]
     return Source(
         "\n".join([*head, *body, ""]),
         constants.shared_numbers(),
         constants.own_rows(batch),
-        tuple(arrays.arrays),
+        arrays,
         work,
         0 if unrolled else len(program.operations),
         unrolled,
