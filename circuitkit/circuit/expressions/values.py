@@ -97,7 +97,12 @@ def compute(value: object, look_up: LookUp, variables: Mapping[str, Measure] | N
     if isinstance(read, Quantity):
         return Measure(read.value_si, read.unit)
     names = {key: _named(read, key, look_up, variables or {}) for key in read.names}
-    return _computed(read, {**read.quantities, **names})
+    if not variables:
+        return _computed(read, {**read.quantities, **names})
+    import numpy as np
+
+    with np.errstate(all="ignore"):  # what is not finite is complained about with its place
+        return _computed(read, {**read.quantities, **names})
 
 
 def names_in(value: object) -> frozenset[str]:

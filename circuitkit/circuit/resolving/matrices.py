@@ -8,6 +8,7 @@ synapse.
 from __future__ import annotations
 
 import importlib
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -65,11 +66,21 @@ def _read_csv(path: Path, n_target: int, n_source: int) -> Matrix:
     with path.open(encoding="utf-8-sig") as file:
         header = [word.strip() for word in file.readline().split(",")]
     if not header[0].isidentifier():
-        return _dense(np.loadtxt(path, delimiter=",", ndmin=2, encoding="utf-8-sig"), n_target, n_source)
+        return _dense(_numbers(path), n_target, n_source)
     _check_columns(header)
-    table = np.loadtxt(path, delimiter=",", ndmin=2, skiprows=1, encoding="utf-8-sig")
+    table = _numbers(path, lines_of_header=1)
     columns = dict(zip(header, table.reshape(-1, len(header)).T, strict=True))
     return _edges(columns, n_target, n_source)
+
+
+def _numbers(path: Path, lines_of_header: int = 0) -> npt.NDArray[np.float64]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of no data, which is said below
+        table = np.loadtxt(path, delimiter=",", ndmin=2, skiprows=lines_of_header, encoding="utf-8-sig")
+    if not table.size:
+        message = f"found no numbers in '{path}'; allowed: a row for every target, or for every synapse"
+        raise MatrixFileError(message)
+    return table
 
 
 def _read_parquet(path: Path, n_target: int, n_source: int) -> Matrix:
@@ -98,7 +109,7 @@ def _read_npz(path: Path, n_target: int, n_source: int) -> Matrix:
             _check_shape(tuple(int(n) for n in arrays["shape"]), n_target, n_source)
             indptr = np.asarray(arrays["indptr"], dtype=np.int64)
             sources = np.asarray(arrays["indices"], dtype=np.int32)
-            weights = np.asarray(arrays["data"], dtype=np.float64) if "data" in names else None
+            weights = _real(arrays["data"]) if "data" in names else None
             return _checked(indptr, sources, weights, n_source)
         if "format" not in names:
             if len(names) != 1:
@@ -112,7 +123,7 @@ def _read_npz(path: Path, n_target: int, n_source: int) -> Matrix:
     matrix = sparse.load_npz(path).tocsr()
     _check_shape(matrix.shape, n_target, n_source)
     indptr = matrix.indptr.astype(np.int64)
-    return _checked(indptr, matrix.indices.astype(np.int32), matrix.data.astype(np.float64), n_source)
+    return _checked(indptr, matrix.indices.astype(np.int32), _real(matrix.data), n_source)
 
 
 def _format(arrays: Any) -> str:  # noqa: ANN401 - numpy's open file
@@ -125,7 +136,14 @@ def _dense(table: npt.NDArray[Any], n_target: int, n_source: int) -> Matrix:
     rows, columns = np.nonzero(table)
     indptr = np.zeros(n_target + 1, dtype=np.int64)
     np.cumsum(np.bincount(rows, minlength=n_target), out=indptr[1:])
-    return _checked(indptr, columns.astype(np.int32), table[rows, columns].astype(np.float64), n_source)
+    return _checked(indptr, columns.astype(np.int32), _real(table[rows, columns]), n_source)
+
+
+def _real(weights: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    if np.iscomplexobj(weights):  # casting would drop a part of each
+        message = "found complex numbers; allowed: real ones"
+        raise MatrixFileError(message)
+    return np.asarray(weights, dtype=np.float64)
 
 
 def _edges(columns: Mapping[str, npt.NDArray[Any]], n_target: int, n_source: int) -> Matrix:
