@@ -15,7 +15,7 @@ from random_circuits import any_circuits
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine import compile_circuit, run
-from circuitkit.engine.backends.c import source
+from circuitkit.engine.backends.c import fusion, source
 from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.operations import Map, Noise, Recall, Remember, Sum
@@ -38,6 +38,7 @@ def cache(tmp_path_factory, monkeypatch):
 def form(request, monkeypatch):
     """Both ways to print a program."""
     monkeypatch.setattr(source, "_MAX_UNROLLED", FORMS[request.param])
+    monkeypatch.setattr(fusion, "_MANY_ROWS", 1)
     return request.param
 
 
@@ -63,6 +64,7 @@ def agree(found, wanted, tolerance=1e-12):
 def test_random_circuits_of_all_kinds_agree_with_numpy_and_alone_with_the_batch(graph, seed, limit):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(source, "_MAX_UNROLLED", limit)
+        patch.setattr(fusion, "_MANY_ROWS", 1)
         program = compile_circuit(graph, backend="numpy")
         compiled = replace(program, backend="compiled")
         inputs = np.random.default_rng(seed).normal(size=(8, 20, len(graph.inputs)))

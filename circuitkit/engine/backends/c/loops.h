@@ -96,6 +96,13 @@ CK_INLINE void sum_batch(real *restrict rows, const real *restrict sources_from,
     }
 }
 
+/* Recalls or remembers neighbours, which share their age. */
+CK_INLINE void copy(real *restrict to, const real *restrict from, int64_t n, int64_t stride, int64_t worker, int64_t workers)
+{
+    int64_t begin = part(n, worker, workers), end = part(n, worker + 1, workers);
+    memcpy(to + begin * stride, from + begin * stride, (end - begin) * stride * sizeof(real));
+}
+
 static __attribute__((unused)) void recall(real *restrict rows, const real *restrict ring, int64_t n, const int32_t *slots,
     const int32_t *steps, int64_t n_slots, int64_t place, int64_t depth, int64_t stride, int64_t worker, int64_t workers)
 {

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.expressions.expression import Expression
-from circuitkit.engine.backends.c.expression import print_expression
+from circuitkit.engine.backends.c.fusion import Loop, fused
+from circuitkit.engine.backends.c.maps import LoopPrinter
 from circuitkit.engine.backends.c.rows import lasting_rows, print_memories, ranges, written_ranges
 from circuitkit.engine.backends.c.spikes import columns, n_sources, sums_of_spikes
-from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
+from circuitkit.engine.operations import Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
 
-_LANES = 8
 _LONG = 200_000  # terms whose weights and indices do not fit into a processor's own cache
 _MOST_WORKERS = 64  # as in `workers.h`
 _PARTS = "worker, workers"
@@ -77,7 +76,7 @@ class _Printer:
         self._functions: dict[str, str] = {}  # names by what stands behind them: like operations share one
         self._print: dict[type, Callable[..., str]] = {
             Sum: self._sum,
-            Map: self._map,
+            Loop: self._loop,
             Noise: self._noise,
             Recall: self._recall,
             Remember: self._remember,
@@ -123,15 +122,20 @@ class _Printer:
     def _do(self, operations: Iterable[Operation], time: str) -> Iterator[str]:
         self._time = time
         self._found.clear()
-        for operation in operations:
-            if operation in self._by_columns:
+        for operation in fused(operations):
+            if isinstance(operation, Sum) and operation in self._by_columns:
                 yield from self._find(operation)
             yield self._print[type(operation)](operation)
             yield "wait_for_all(c, workers);"
             if isinstance(operation, Remember):
                 name = operation.memory
                 yield f"places[{name}] = ck_ago(places[{name}], -1, {operation.depth});"
-            for start, stop in written_ranges(operation):
+            self._forget(operation)
+
+    def _forget(self, operation: Operation | Loop) -> None:
+        """Which sources are active must be found again where they were written."""
+        for each in operation.maps if isinstance(operation, Loop) else (operation,):
+            for start, stop in written_ranges(each):
                 self._found -= {(base, n) for base, n in self._found if start < base + n and base < stop}
 
     def _array(self, array: npt.NDArray[np.generic]) -> str:
@@ -187,75 +191,40 @@ class _Printer:
 
     def _recall(self, operation: Recall) -> str:
         memory = self._program.memories[operation.memory]
-        target = f"table + {operation.start}L * stride, c->rings[{operation.memory}]"
-        n = operation.stop - operation.start
-        places = f"{n}, {self._array(operation.slots)}, {self._array(operation.steps)}"
-        ring = f"{len(memory.sources)}, places[{operation.memory}], {memory.depth}"
-        return f"recall({target}, {places}, {ring}, stride, {_PARTS});"
+        target, ring = f"table + {operation.start}L * stride", f"c->rings[{operation.memory}]"
+        n, n_slots = operation.stop - operation.start, len(memory.sources)
+        place, depth = f"places[{operation.memory}]", memory.depth
+        slots, steps = operation.slots, operation.steps
+        if _are_neighbours(slots) and (steps == steps[0]).all():
+            first = f"(ck_ago({place}, {steps[0]}, {depth}) * {n_slots} + {slots[0]}) * stride"
+            return f"copy({target}, (const real *){ring} + {first}, {n}, stride, {_PARTS});"
+        places = f"{n}, {self._array(slots)}, {self._array(steps)}"
+        return f"recall({target}, {ring}, {places}, {n_slots}, {place}, {depth}, stride, {_PARTS});"
 
     def _remember(self, operation: Remember) -> str:
-        sources = f"{len(operation.sources)}, {self._array(operation.sources)}"
-        ring = f"c->rings[{operation.memory}]"
-        return f"remember(table, {ring}, {sources}, places[{operation.memory}], stride, {_PARTS});"
+        ring, place = f"c->rings[{operation.memory}]", f"places[{operation.memory}]"
+        n, sources = len(operation.sources), operation.sources
+        if _are_neighbours(sources):
+            target, rows = f"(real *){ring} + {place} * {n} * stride", f"table + {sources[0]}L * stride"
+            return f"copy({target}, {rows}, {n}, stride, {_PARTS});"
+        return f"remember(table, {ring}, {n}, {self._array(sources)}, {place}, stride, {_PARTS});"
 
-    def _map(self, operation: Map) -> str:
-        arguments: dict[str, str] = {}  # by parameter
-        for k, row in enumerate(operation.rows.values()):
-            arguments[f"const real *in{k}"] = f"table + {row}L * stride"
-        for k, (row, _) in enumerate(operation.results):
-            arguments[f"real *out{k}"] = f"table + {row}L * stride"
-        for k, values in enumerate(operation.constants.values()):
-            arguments[f"const real *constant{k}"] = self._array(values)
-        for k, rows in enumerate(operation.picks.values()):
-            arguments[f"const int32_t *pick{k}"] = self._array(rows)
-        body = self._map_alone(operation) if self._alone else self._map_batch(operation)
-        parameters = ", ".join(["const real *table", "int64_t stride", "int64_t n", *arguments])
+    def _loop(self, loop: Loop) -> str:
+        printer = LoopPrinter(loop, self._array)
+        body = printer.alone() if self._alone else printer.batch()
+        parameters = ", ".join(["const real *table", "int64_t stride", "int64_t n", *printer.arguments])
         name = self._function(
             f"({parameters}, int64_t worker, int64_t workers)\n{{\n"
             "(void)table, (void)stride;\n"
             "int64_t i = part(n, worker, workers);\n"
             "const int64_t end = part(n, worker + 1, workers);\n" + "\n".join(body) + "\n}"
         )
-        return (
-            f"{name}({', '.join(['table', 'stride', str(operation.count), *arguments.values()])}, {_PARTS});"
-        )
-
-    def _map_alone(self, operation: Map) -> Iterator[str]:
-        for width in (_LANES, 1):
-            names = {name: f"load_{width}(in{k} + i)" for k, name in enumerate(operation.rows)}
-            names |= {name: f"pick_{width}(table, pick{k} + i)" for k, name in enumerate(operation.picks)}
-            for k, (name, values) in enumerate(operation.constants.items()):
-                names[name] = (
-                    f"load_{width}(constant{k} + i)" if values.ndim else f"all_{width}(*constant{k})"
-                )
-            yield f"for (; i + {width} <= end; i += {width}) {{"
-            yield from _evaluated(operation.results, names, width, "i")
-            yield "}"
-
-    def _map_batch(self, operation: Map) -> Iterator[str]:
-        at = "* stride + at"
-        names = {name: f"load_8(in{k} + i {at})" for k, name in enumerate(operation.rows)}
-        names |= {name: f"load_8(table + pick{k}[i] {at})" for k, name in enumerate(operation.picks)}
-        for k, (name, values) in enumerate(operation.constants.items()):
-            place = f"constant{k}"
-            names[name] = (f"all_8(*{place})", f"all_8({place}[i])", f"load_8({place} + i {at})")[values.ndim]
-        yield "for (; i < end; i++) for (int64_t at = 0; at < stride; at += 8) {"
-        yield from _evaluated(operation.results, names, _LANES, f"i {at}")
-        yield "}"
+        count = str(loop.maps[0].count)
+        return f"{name}({', '.join(['table', 'stride', count, *printer.arguments.values()])}, {_PARTS});"
 
 
-def _evaluated(
-    results: Iterable[tuple[int, Expression]], names: Mapping[str, str], width: int, place: str
-) -> Iterator[str]:
-    """Names, then all results, then where they go: nothing is written before all is read."""
-    numbered = list(enumerate(results))
-    variables = {name: f"x{k}" for k, name in enumerate(names)}
-    for name, value in names.items():
-        yield f"const v_{width} {variables[name]} = {value};"
-    for k, (_, expression) in numbered:
-        yield f"const v_{width} y{k} = {print_expression(expression, variables, width)};"
-    for k, _ in numbered:
-        yield f"store_{width}(out{k} + {place}, y{k});"
+def _are_neighbours(rows: npt.NDArray[np.int32]) -> bool:
+    return len(rows) > 0 and bool((np.diff(rows) == 1).all())
 
 
 def _degree(indptr: npt.NDArray[np.int64]) -> int:
