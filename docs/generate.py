@@ -48,7 +48,8 @@ def commands_page() -> str:
 
 def write_pictures() -> None:
     """The pictures that the README shows."""
-    main(["draw", "binn_lateral", "-o", str(IMAGES / "binn_lateral.png")])
+    for name in ("binn_lateral", "binn_planar"):
+        main(["draw", name, "-o", str(IMAGES / f"{name}.png")])
     curves = str(IMAGES / "binn_lateral_activations.png")
     main(["draw", "binn_lateral", "--what", "activations", "-o", curves])
     write_push_pictures()

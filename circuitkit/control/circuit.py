@@ -59,7 +59,7 @@ class CircuitController:
         self.graph = graph
         self.observations = tuple(node.name for node in graph.inputs)
         self.commands = tuple(node.name for node in graph.outputs)
-        self._program = compile_circuit(graph, backend)
+        self._program = compile_circuit(graph, backend, reproducible=True)
         self.trace_names = tuple(self._program.neuron_names)
         self.backend = self._program.note or f"backend {self._program.backend}"
         self.reset(1)

@@ -23,7 +23,7 @@ _WALKS = st.lists(
 
 def _compiled(name):
     """With the backend that rounds alike whatever stands beside a neuron."""
-    return compile_circuit(resolve(load_circuit(name)), backend="numpy")
+    return compile_circuit(resolve(load_circuit(name)), backend="numpy", reproducible=True)
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ def test_random_circuits_follow_the_equations_by_hand(by_hand, circuits, data):
     inputs = data.draw(
         st.lists(st.lists(st.floats(-2, 2), min_size=columns, max_size=columns), min_size=1, max_size=6)
     )
-    trace = run(compile_circuit(graph, "numpy"), np.array(inputs)[:, np.newaxis])
+    trace = run(compile_circuit(graph, "numpy", reproducible=True), np.array(inputs)[:, np.newaxis])
     reference = by_hand(graph)
     for t, row in enumerate(inputs):
         names = (node.name for node in graph.inputs)
@@ -39,7 +39,7 @@ def test_random_circuits_follow_the_equations_by_hand(by_hand, circuits, data):
 def test_sums_are_added_term_by_term_in_file_order_neurons_before_inputs(by_hand, circuits, data):
     graph = data.draw(circuits(models=("identity",)))
     row = data.draw(st.lists(st.floats(-2, 2), min_size=len(graph.inputs), max_size=len(graph.inputs)))
-    trace = run(compile_circuit(graph, "numpy"), np.array([[row]] * 4))
+    trace = run(compile_circuit(graph, "numpy", reproducible=True), np.array([[row]] * 4))
     reference = by_hand(graph)
     for t in range(4):
         activation, output, _ = reference.tick({f"u{i}": value for i, value in enumerate(row)})
@@ -58,7 +58,7 @@ def test_long_sums_keep_the_order(build, fan_in):
         expected += weight * value
     graph = build.circuit([build.neuron("n")], synapses, inputs=sources)
     for batch in (1, 2, 17):
-        trace = run(compile_circuit(graph, "numpy"), np.tile(values, (1, batch, 1)))
+        trace = run(compile_circuit(graph, "numpy", reproducible=True), np.tile(values, (1, batch, 1)))
         assert (trace.activation == expected).all()
 
 

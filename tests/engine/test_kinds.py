@@ -38,7 +38,7 @@ def signals(graph, batch, steps=5, seed=0):
 @MODERATE
 @given(graph=any_circuits(), batch=st.integers(2, 20))
 def test_a_member_of_a_batch_gets_the_bits_of_one_alone(graph, batch):
-    program, inputs = compile_circuit(graph, "numpy"), signals(graph, batch)
+    program, inputs = compile_circuit(graph, "numpy", reproducible=True), signals(graph, batch)
     together = run(program, inputs, states=True)
     for member in {0, batch - 1}:
         alone = run(program, inputs[:, [member]], program.initial_state(1, seed=member), states=True)
@@ -51,7 +51,7 @@ def test_a_member_of_a_batch_gets_the_bits_of_one_alone(graph, batch):
 @MODERATE
 @given(graph=any_circuits(), batch=st.integers(1, 3))
 def test_step_stepper_and_run_are_one_thing_in_one_part_or_two(graph, batch):
-    program, inputs = compile_circuit(graph, "numpy"), signals(graph, batch)
+    program, inputs = compile_circuit(graph, "numpy", reproducible=True), signals(graph, batch)
     whole = run(program, inputs)
     stepper, state = program.stepper(batch), program.initial_state(batch)
     for t, row in enumerate(inputs):
@@ -70,7 +70,7 @@ def test_step_stepper_and_run_are_one_thing_in_one_part_or_two(graph, batch):
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 @given(graph=any_circuits(), batch=st.sampled_from([1, 7, 300]))
 def test_a_step_allocates_nothing(graph, batch):
-    stepper = compile_circuit(graph, "numpy").stepper(batch)
+    stepper = compile_circuit(graph, "numpy", reproducible=True).stepper(batch)
     stepper.inputs[...] = 0.1
     for _ in range(3):
         stepper.step()
@@ -149,7 +149,9 @@ def test_a_projection_is_its_synapses_one_by_one(model, size, data):
     readout = OutputNode("y", DIMENSIONLESS, tuple((n.name, 0.5) for n in neurons), -9, 9)
     single = CircuitGraph(*header, neurons, tuple(synapses), (readout,), {}, 2)
     inputs = signals(together, 2)
-    one, other = (run(compile_circuit(graph, "numpy"), inputs) for graph in (together, single))
+    one, other = (
+        run(compile_circuit(graph, "numpy", reproducible=True), inputs) for graph in (together, single)
+    )
     np.testing.assert_allclose(one.output, other.output, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(one.readout, other.readout, rtol=1e-11, atol=1e-11)
     assert one.neuron_names[0] == "p[0]"
@@ -184,14 +186,14 @@ def test_many_synapses_are_summed_as_dense_matrices_are(network):
         targets = np.repeat(np.arange(n), np.diff(projection.indptr))
         np.add.at(matrix, (targets, projection.sources), projection.weights)
     inputs = signals(network, 3, 6)
-    trace = run(compile_circuit(network, "numpy"), inputs)
+    trace = run(compile_circuit(network, "numpy", reproducible=True), inputs)
     output = np.zeros((3, n))
     for t in range(6):
         activation = output @ matrix.T
         activation[:, 3] += inputs[t, :, 0]
         output = 1 / (1 + np.exp(-2.0 * (activation - network.populations[0].parameters["shift"])))
         np.testing.assert_allclose(trace.output[t], output, rtol=1e-12)
-    alone = run(compile_circuit(network, "numpy"), inputs[:, [1]])
+    alone = run(compile_circuit(network, "numpy", reproducible=True), inputs[:, [1]])
     assert bits(alone.output) == bits(trace.output[:, [1]])
 
 
@@ -204,7 +206,7 @@ def test_a_program_copies_no_array_of_a_projection(network):
 
 
 def test_what_is_recorded_is_chosen_by_name(network):
-    program = compile_circuit(network, "numpy")
+    program = compile_circuit(network, "numpy", reproducible=True)
     inputs = signals(network, 2)
     whole = run(program, inputs)
     part = run(program, inputs, record=["p[7]", "p[250]"])
@@ -225,7 +227,7 @@ def test_states_are_recorded_with_their_names():
         "p", 2, model, "excitatory", {"tau": 0.02}, DIMENSIONLESS, initial={"v": 1.0, "w": 0.0}
     )
     graph = CircuitGraph("s", "", "ordered", 0.01, (), (neuron,), (), (), {}, 3, (population,))
-    program = compile_circuit(graph, "numpy")
+    program = compile_circuit(graph, "numpy", reproducible=True)
     assert list(program.state_names) == ["a.v", "p[0].v", "p[1].v", "a.w", "p[0].w", "p[1].w"]
     assert program.initial_state().states.tolist() == [[0.5, 1.0, 1.0, -0.25, 0.0, 0.0]]
     trace = run(program, np.zeros((4, 1, 0)), states=True)
@@ -234,12 +236,12 @@ def test_states_are_recorded_with_their_names():
 
 def test_a_sweep_is_its_circuits_one_by_one():
     graphs = [_pair(weight, slope) for weight, slope in ((1.0, 2.0), (-0.5, 3.0), (0.25, -1.0))]
-    program = compile_circuit(graphs, "numpy")
+    program = compile_circuit(graphs, "numpy", reproducible=True)
     assert program.members == 3
     inputs = signals(graphs[0], 3)
     trace = run(program, inputs)
     for member, graph in enumerate(graphs):
-        alone = run(compile_circuit(graph, "numpy"), inputs[:, [member]])
+        alone = run(compile_circuit(graph, "numpy", reproducible=True), inputs[:, [member]])
         assert bits(alone.output, alone.readout) == bits(
             trace.output[:, [member]], trace.readout[:, [member]]
         )
@@ -272,7 +274,7 @@ def _pair(weight, slope):
 def test_without_a_fixed_order_results_agree_to_rounding(circuits, data, batch):
     graph = data.draw(circuits())
     inputs = signals(graph, batch)
-    exact = run(compile_circuit(graph, "numpy"), inputs)
+    exact = run(compile_circuit(graph, "numpy", reproducible=True), inputs)
     program = compile_circuit(graph, "numpy", reproducible=False)
     loose = run(program, inputs)
     stepper = program.stepper(batch)
