@@ -183,7 +183,7 @@ ALLOWED = "numbers, names, + - * / ^ < <= > >= and functions"
         ("__import__('os')", f"unknown function '__import__'; allowed: {FUNCTIONS}"),
         ("A.real", f"found 'A.real'; allowed: {ALLOWED}"),
         ("A[0]", f"found 'A[0]'; allowed: {ALLOWED}"),
-        ("A if A else 1", f"found 'A if A else 1'; allowed: {ALLOWED}"),
+        ("A if A else 1", f"found 'A if A else 1'; allowed: {ALLOWED}; did you mean 'where(A, A, 1)'?"),
         ("A == 1", f"found 'A == 1'; allowed: {ALLOWED}"),
         ("0 < A < 1", f"found '0 < A < 1'; allowed: {ALLOWED}"),
         ("A > 0 and A < 1", f"found 'A > 0 and A < 1'; allowed: {ALLOWED}"),

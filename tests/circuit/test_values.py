@@ -97,6 +97,7 @@ def test_a_multiple_keeps_its_unit_and_a_ratio_has_none(unit, value, factor):
          "w, edge, margin, lateral.w", "did you mean 'margin'?", 7),
         ("mm", "unknown parameter 'mm'; allowed: a number, a quantity such as '-80 mm', or a parameter: "
          "w, edge, margin, lateral.w", "did you mean '1 mm'?", 0),
+        ("2 if 1 else 3", "found '2 if 1 else 3'; allowed: numbers, names, + - * / ^ < <= > >= and functions; did you mean 'where(1, 2, 3)'?", "", 0),
         ("edge - inf", "found 'inf'; allowed: a finite number", "", 7),
     ],
 )  # fmt: skip

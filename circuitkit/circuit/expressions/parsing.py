@@ -161,6 +161,9 @@ def _convert(node: ast.expr, source: _Source, depth: int = 0) -> Expression:
                 raise ExpressionError(message, at)
             return Call(function, tuple(inside(argument) for argument in arguments), offset=at)
     message = f"found '{source.as_written(node)}'; {_ALLOWED}"
+    if isinstance(node, ast.IfExp):
+        parts = (source.as_written(part) for part in (node.test, node.body, node.orelse))
+        message = f"{message}; did you mean 'where({', '.join(parts)})'?"
     raise ExpressionError(message, source.offset_of_joint(node))
 
 

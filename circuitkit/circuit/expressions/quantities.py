@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from keyword import kwlist
 
 from circuitkit.errors import ExpressionError, UnitError
 from circuitkit.units import UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit
@@ -66,8 +67,8 @@ def with_stand_ins(text: str, names: Collection[str] = ()) -> tuple[str, StandIn
 
 def _end_of_unit(text: str, start: int, names: Collection[str]) -> int:
     """Where the unit behind a number ends; where the number does if there is none."""
-    end, pattern = start, _UNIT
-    while (match := pattern.match(text, end)) is not None and match["symbol"] not in names:
+    end, pattern, words = start, _UNIT, {*names, *kwlist}
+    while (match := pattern.match(text, end)) is not None and match["symbol"] not in words:
         if match["symbol"] not in UNIT_SYMBOLS:
             if end == start and not match["over"]:
                 try:

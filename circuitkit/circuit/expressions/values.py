@@ -27,7 +27,7 @@ from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, parse_quanti
 _UNITS = frozenset(UNIT_SYMBOLS) - {"1", "%"}
 _LONE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _NAME = re.compile(r"(?<![\w.])(?P<name>[^\W\d]\w*(?:\.[A-Za-z_]\w*)*)(?P<opening>\s*\()?")
-_IS_JOINED = re.compile(r"[A-Za-z_]\s*\(|.[-+*/^<>]|^[^\d.+-]")
+_IS_JOINED = re.compile(r"\bif\b|[A-Za-z_]\s*\(|.[-+*/^<>]|^[^\d.+-]")
 _NOT_FINITE = frozenset({"nan", "inf", "infinity"})
 
 
