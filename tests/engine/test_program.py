@@ -5,8 +5,11 @@ import warnings
 import numpy as np
 import pytest
 
+from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import State, compile_circuit, run, step
 from circuitkit.engine.backends import BACKEND_NAMES
+from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
+from circuitkit.engine.lowering.maps import make_map
 from circuitkit.errors import DivergedError, InputError, UnknownNameError
 
 
@@ -192,3 +195,18 @@ def test_a_state_of_zeros_has_the_shapes_of_its_program(graph):
     assert state.batch == 3
     assert (state.activation.shape, state.output.shape, state.readout.shape) == ((3, 4), (3, 4), (3, 1))
     assert not state.output.any()
+
+
+def test_what_follows_from_a_choice_between_constants_is_computed_once():
+    """The factor of an exponential step of a neuron that waits or not: dt phi1(dt J), J = 0 or -1 / tau."""
+    text = "x + dt * exprel(dt * where(wait > 0, 0, -1 / tau)) * x"
+    constants = {"dt": np.array(0.5), "tau": np.array([1.0, 2.0])}
+    made = make_map(
+        2, ((1, parse_expression(text, ("x", "wait", "dt", "tau"))),), {"x": 1, "wait": 3}, constants
+    )
+    ((_, expression),) = made.results
+    assert "exprel" not in str(expression)
+    for wait, factor in ((1.0, [0.5, 0.5]), (0.0, [1 - np.exp(-0.5), 2 * (1 - np.exp(-0.25))])):
+        values = {"x": np.array([3.0, 5.0]), "wait": np.full(2, wait), **made.constants}
+        found = expression.evaluate(values, NUMPY_FUNCTIONS)
+        np.testing.assert_allclose(found, np.array([3.0, 5.0]) * (1 + np.array(factor)), rtol=1e-15)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -45,16 +45,36 @@ class _Folding:
         self._known: dict[Expression, Name] = {}
 
     def fold(self, expression: Expression) -> Expression:
-        if not isinstance(expression, Name | Number) and expression.names() <= self.constants.keys():
+        if not isinstance(expression, Name | Number) and self._is_constant(expression):
             return self._constant(expression)
         match expression:
             case Unary(operator=sign, operand=operand):
-                return Unary(sign, self.fold(operand))
+                return self._chosen((operand,), lambda part: Unary(sign, part))
             case Binary(operator=joint, left=left, right=right):
-                return Binary(joint, self.fold(left), self.fold(right))
+                return self._chosen((left, right), lambda *parts: Binary(joint, *parts))
             case Call(function=function, arguments=arguments):
-                return Call(function, tuple(self.fold(argument) for argument in arguments))
+                return self._chosen(arguments, lambda *parts: Call(function, parts))
         return expression
+
+    def _chosen(self, parts: Sequence[Expression], join: Callable[..., Expression]) -> Expression:
+        """A function of a choice between constants is a choice between its values.
+
+        So the factor of an exponential step is computed once, also for a neuron that has another one while
+        it is refractory.
+        """
+        folded = [self.fold(part) for part in parts]
+        varying = [k for k, part in enumerate(folded) if not self._is_constant(part)]
+        match [folded[k] for k in varying]:
+            case [Call(function="where", arguments=(condition, *values))] if all(
+                map(self._is_constant, values)
+            ):
+                (k,) = varying
+                choices = (self.fold(join(*folded[:k], value, *folded[k + 1 :])) for value in values)
+                return Call("where", (condition, *choices))
+        return join(*folded)
+
+    def _is_constant(self, expression: Expression) -> bool:
+        return expression.names() <= self.constants.keys()
 
     def _constant(self, expression: Expression) -> Name:
         if expression not in self._known:
