@@ -56,7 +56,8 @@ CK_INLINE void sum_active(real *restrict rows, const real *restrict from, int64_
     const int32_t *restrict active, const int64_t *restrict counts, const int64_t *restrict begins,
     const int32_t *restrict targets, const real *restrict weights, int n_weights, int add, int64_t worker, int64_t workers)
 {
-    const int64_t ahead = 6, line = 64 / sizeof(int32_t);
+    const int64_t ahead = 16, /* columns stand anywhere, so that they must be asked for in time */
+                  line = 64 / sizeof(int32_t);
     int64_t first = part(n, worker, workers), end = part(n, worker + 1, workers);
     if (!add) memset(rows + first, 0, (end - first) * sizeof(real));
     for (int64_t finder = 0; finder < workers; finder++) {
@@ -64,6 +65,7 @@ CK_INLINE void sum_active(real *restrict rows, const real *restrict from, int64_
         for (int64_t i = 0; i < counts[finder]; i++) {
             int64_t k = begins[sources[i]], stop = begins[sources[i] + 1];
             const real x = from[sources[i]];
+            if (i + 2 * ahead < counts[finder]) __builtin_prefetch(begins + sources[i + 2 * ahead], 0, 3);
             if (i + ahead < counts[finder]) {
                 int64_t next = begins[sources[i + ahead]], last = begins[sources[i + ahead] + 1];
                 for (int64_t t = next; t < last; t += line) {
