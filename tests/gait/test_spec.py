@@ -143,5 +143,5 @@ def test_an_unknown_gait_is_answered_with_the_shipped_ones():
     names = ", ".join(shipped_names("sims"))
     assert str(caught.value) == (
         "gait_walk_3cm:1:1: unknown name 'gait_walk_3cm'; allowed: a path, or one of the shipped sims: "
-        f"{names}; did you mean 'gait_walk_4cm'?"
+        f"{names}; did you mean 'gait_walk_2cm'?"
     )

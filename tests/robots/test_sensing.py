@@ -121,7 +121,7 @@ def test_an_unknown_channel():
     with pytest.raises(UnknownNameError) as caught:
         Observer(LAYOUT, CHANNELS, ["zmp"])
     assert str(caught.value) == (
-        f"unknown sensor channel 'zmp'; allowed: {', '.join(CHANNELS)}; did you mean 'zmp_y'?"
+        f"unknown sensor channel 'zmp'; allowed: {', '.join(CHANNELS)}; did you mean 'zmp_x'?"
     )
 
 
