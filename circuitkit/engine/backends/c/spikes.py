@@ -55,7 +55,10 @@ def columns(operation: Sum) -> Columns:
 def _columns(operation: Sum) -> Columns:
     weights, shape = operation.weights, (operation.stop - operation.start, n_sources(operation))
     values = weights if weights.ndim else np.zeros(len(operation.sources), np.int8)
-    matrix = scipy.sparse.csr_array((values, operation.sources, operation.indptr), shape=shape).tocsc()
+    # Pointers as narrow as the sources, if they can be: otherwise scipy makes wide ones of both.
+    is_narrow = len(operation.sources) <= np.iinfo(np.int32).max
+    pointers = operation.indptr.astype(np.int32 if is_narrow else np.int64, copy=False)
+    matrix = scipy.sparse.csr_array((values, operation.sources, pointers), shape=shape).tocsc()
     targets = matrix.indices.astype(np.int32, copy=False)
     return Columns(matrix.indptr.astype(np.int64), targets, matrix.data if weights.ndim else weights)
 
