@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from circuitkit.circuit.expressions.spread import generator
 from circuitkit.circuit.resolving import connectivity
+from circuitkit.circuit.resolving.spread import generator
 
 sizes = st.integers(1, 30)
 seeds = st.integers(0, 1000)

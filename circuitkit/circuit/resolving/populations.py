@@ -68,7 +68,7 @@ def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, b
 
 
 def _reader(scope: Scope, item: Item[Any], size: int) -> Reader:
-    from circuitkit.circuit.expressions.spread import spread
+    from circuitkit.circuit.resolving.spread import spread
 
     def read(place: Place, value: object) -> Measure | None:
         return spread(scope, item, place, value, size)

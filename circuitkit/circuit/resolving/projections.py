@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from circuitkit.circuit.expressions.measures import Measure
-from circuitkit.circuit.expressions.spread import generator, listed
 from circuitkit.circuit.expressions.values import names_in
 from circuitkit.circuit.graph import PerMember, Projection, SynapseKind
 from circuitkit.circuit.models import SynapseModel
@@ -25,6 +24,7 @@ from circuitkit.circuit.resolving.memory import Budget
 from circuitkit.circuit.resolving.neurons import start
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.resolving.signals import Signals, Term
+from circuitkit.circuit.resolving.spread import generator, listed
 from circuitkit.circuit.resolving.synapses import (
     check_linear,
     check_parameters,
