@@ -3,7 +3,8 @@
 Read in the order in which the data flows: `load` (files to a spec, by `parts`), `spec` (the file's own
 terms), `resolve` (spec to graph, with every check on the way; section by section in `resolving`), `graph`
 (what everything else reads). Beside these stand `expressions` (values and equations), `models` (what a
-neuron or a synapse does) and `authoring` (starters, normal form, schema, differences, explanations).
+neuron or a synapse does), `memory` (whether something fits into the machine's) and `authoring` (starters,
+normal form, schema, differences, explanations).
 """
 
 from circuitkit.circuit.authoring.schema import circuit_schema

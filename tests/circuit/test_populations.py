@@ -17,8 +17,7 @@ import pytest
 from pyarrow import parquet
 from scipy import sparse, stats
 
-from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
-from circuitkit.circuit.resolving import memory
+from circuitkit.circuit import check, load_circuit, memory, parse_circuit, resolve
 from circuitkit.errors import InputError, MissingDependencyError, UnknownNameError
 
 BASE = """\

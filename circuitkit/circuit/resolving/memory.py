@@ -1,27 +1,14 @@
-"""What a circuit needs of memory, estimated before anything is allocated, and what the machine has."""
+"""What a circuit needs of memory, estimated before anything is allocated."""
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
-_UNKNOWN = 16 * 2**30  # where the system does not say: what a common laptop has
-_LIMIT_OF_GROUP = Path("/sys/fs/cgroup/memory.max")
+from circuitkit.circuit.memory import shortage
+
 _FLOAT, _INDEX, _POINTER = 8, 4, 8
 # Activation, output and noise of a neuron, and its start, each held by the program and by the state.
 _ROWS_OF_NEURON = 6
-
-
-def machine_bytes() -> int:
-    """Memory of this machine, or of the group of processes that this one is confined to."""
-    total = _UNKNOWN
-    with suppress(AttributeError, ValueError, OSError):
-        total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    with suppress(OSError, ValueError):
-        total = min(total, int(_LIMIT_OF_GROUP.read_text(encoding="utf-8")))
-    return total
 
 
 @dataclass
@@ -51,16 +38,6 @@ class Budget:
         return self._take(bytes_needed, f"{count:.0f} synapses")
 
     def _take(self, bytes_needed: float, what: str) -> str:
+        rest = self.needed
         self.needed += bytes_needed
-        if self.needed <= machine_bytes():
-            return ""
-        has = f"this machine has {_size(machine_bytes())}"
-        with_rest = (
-            "" if self.needed == bytes_needed else f" (with the rest of the circuit {_size(self.needed)})"
-        )
-        needs = f"which need about {_size(bytes_needed)} of memory{with_rest}"
-        return f"found {what}, {needs}, but {has}; allowed: fewer"
-
-
-def _size(bytes_needed: float) -> str:
-    return f"{bytes_needed / 1e9:.3g} GB"
+        return shortage(what, bytes_needed, rest)
