@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, get_args
 
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine.backends import AUTO, choose_backend, load_backend
+from circuitkit.engine.backends import AUTO, COMPILED, choose_backend, load_backend
 from circuitkit.engine.lowering import lower, side_by_side
 from circuitkit.engine.program import Precision, Program
-from circuitkit.errors import InputError, Problem
+from circuitkit.errors import InputError, Problem, UnknownNameError
 
 if TYPE_CHECKING:
     from circuitkit.circuit.spec import CircuitSpec
@@ -33,16 +33,20 @@ def compile_circuit(
         circuit: A resolved graph, a specification, a path, or the name of a shipped circuit. A list of
             circuits that differ in numbers alone makes a sweep: member b of its batch is circuit b.
         backend: Name of the execution backend; "auto" takes the compiled one if it works here.
+            Where that does not work, numpy does the same; if "compiled" was asked for, with a warning.
         precision: In which all is computed.
         reproducible: Whether a member of a batch must get the same bits whatever the size of the batch. The
             compiled backend gives these always; numpy then is several times slower on small circuits.
 
     Raises:
         InputError: The circuit cannot be loaded or resolved, or the circuits of a sweep do not fit together.
-        UnknownNameError: There is no such backend.
+        UnknownNameError: There is no such backend or precision.
     """
     if backend != AUTO:
         load_backend(backend)
+    if precision not in get_args(Precision):
+        kind = "precision"
+        raise UnknownNameError(kind, precision, get_args(Precision))
     is_sweep = isinstance(circuit, Sequence) and not isinstance(circuit, str)
     graphs = [_as_graph(each) for each in circuit] if is_sweep else [_as_graph(circuit)]  # type: ignore[arg-type, union-attr]
     graph = _require_alike(graphs)
@@ -60,7 +64,7 @@ def compile_circuit(
         precision=precision,
         reproducible=reproducible,
     )
-    if backend == AUTO:
+    if backend in {AUTO, COMPILED}:
         chosen, note = choose_backend(program)
         return replace(program, backend=chosen, note=note)
     return program
@@ -88,5 +92,10 @@ def _as_graph(circuit: CircuitGraph | CircuitSpec | str | Path) -> CircuitGraph:
         return circuit
     from circuitkit.circuit.load import load_circuit
     from circuitkit.circuit.resolve import resolve
+    from circuitkit.circuit.spec import CircuitSpec
 
-    return resolve(load_circuit(circuit) if isinstance(circuit, str | Path) else circuit)
+    spec = load_circuit(circuit) if isinstance(circuit, str | Path) else circuit
+    if not isinstance(spec, CircuitSpec):
+        allowed = "a resolved graph, a specification, a path, or the name of a shipped circuit"
+        raise InputError(Problem("", 0, 0, "circuit", f"found {type(spec).__name__}; allowed: {allowed}"))
+    return resolve(spec)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse, Timing
 from circuitkit.circuit.models import neuron_model
+from circuitkit.engine.backends import compiled_backend
 from circuitkit.units import DIMENSIONLESS
 
 sys.path.insert(0, str(Path(__file__).parent))  # for `reference` and `random_circuits`
@@ -189,6 +190,18 @@ def _circuits(
     ]
     synapses = [(*pair, draw(_WEIGHTS)) for pair in edges]
     return circuit(neurons, synapses, outputs, inputs, draw(st.sampled_from(timings)))
+
+
+@pytest.fixture(scope="module")
+def no_fallback() -> Iterator[None]:
+    """Lets a mistake in the making of C fail the test, in place of leading to numpy."""
+
+    def fail(error: Exception) -> str:
+        raise error
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled_backend, "_reason", fail)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,10 @@ from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.operations import Map, Noise, Recall, Remember, Sum
 from circuitkit.errors import DivergedError, InputError
 
-pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
+pytestmark = [
+    pytest.mark.skipif(bool(unavailable()), reason=unavailable()),
+    pytest.mark.usefixtures("no_fallback"),
+]
 FORMS = {"unrolled": 10**6, "loops": -1}
 both_forms = pytest.mark.usefixtures("form")
 PARTS = ("activation", "output", "readout", "states")

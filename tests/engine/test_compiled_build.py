@@ -14,13 +14,14 @@ import pytest
 
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends import compiled_backend
-from circuitkit.engine.backends.c import build
+from circuitkit.engine.backends.c import build, kernel, source
 from circuitkit.engine.backends.c.build import BuildError, load_program, unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
 
 pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
 SOURCE = '#include "context.h"\nint64_t ck_work(void) {{ return {}; }}\n'
+WARNING = "{}; the circuit 'binn_lateral' is run by the numpy backend"
 WORK = """
 import sys
 from circuitkit.engine.backends.c.build import load_program
@@ -85,14 +86,31 @@ def test_a_damaged_library_is_made_anew_and_not_loaded(cache, damage, caplog):
 def test_without_a_compiler_numpy_does_the_same_and_says_so(caplog):
     reason = "no C compiler was found (looked for $CC, cc, gcc, clang)"
     assert unavailable() == reason
-    program = compile_circuit("binn_lateral", backend="compiled")
-    assert compiled_backend.prepare(program) == reason
+    for backend, warnings in (("auto", []), ("compiled", [WARNING.format(reason)])):
+        with caplog.at_level(logging.WARNING, "circuitkit"):
+            program = compile_circuit("binn_lateral", backend=backend)
+        assert caplog.messages == warnings
+        assert (program.backend, program.note) == ("numpy", f"backend numpy: {reason}")
+        assert not isinstance(program.new_kernel(1), CompiledKernel)
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_mistake_in_the_making_of_the_c_leads_to_numpy(monkeypatch, caplog):
+    before = compile_circuit("binn_lateral", backend="compiled")
+
+    def mistaken(*_):
+        return {}["row 7"]
+
+    monkeypatch.setattr(source, "print_program", mistaken)
+    monkeypatch.setattr(kernel, "print_program", mistaken)
+    reason = "internal error of the compiled backend, KeyError: 'row 7'"
+    assert compiled_backend.prepare(before) == reason
     with caplog.at_level(logging.WARNING, "circuitkit"):
-        kernel = program.new_kernel(1)
-    assert isinstance(kernel, NumpyKernel)
-    assert f"{reason}; the circuit 'binn_lateral' is run by the numpy backend" in caplog.text
-    auto = compile_circuit("binn_lateral", backend="auto")
-    assert (auto.backend, auto.note) == ("numpy", f"backend numpy: {reason}")
+        assert isinstance(before.new_kernel(1), NumpyKernel)
+        for backend in ("auto", "compiled"):
+            program = compile_circuit("binn_lateral", backend=backend)
+            assert (program.backend, program.note) == ("numpy", f"backend numpy: {reason}")
+    assert caplog.messages == [WARNING.format(reason)] * 2
 
 
 @pytest.mark.usefixtures("cache")
@@ -175,7 +193,7 @@ def test_flags_compiler_and_processor_are_part_of_the_key(cache, monkeypatch):
 def test_the_binn_is_built_within_3_s_and_found_again_within_100_ms(cache, monkeypatch):
     monkeypatch.delenv("CIRCUITKIT_CFLAGS")
     build.load_runtime.cache_clear()
-    program = compile_circuit("binn_lateral", backend="compiled")
+    program = compile_circuit("binn_lateral", backend="numpy")
     times = []
     for _ in range(2):
         start = time.perf_counter()
@@ -185,6 +203,19 @@ def test_the_binn_is_built_within_3_s_and_found_again_within_100_ms(cache, monke
     assert times[0] < 3.0
     assert times[1] < 0.1
     assert len(libraries(cache)) == 2  # the runtime and the circuit
+
+
+@pytest.mark.usefixtures("cache")
+@pytest.mark.parametrize("text", ["abc", "-1", "0"])
+def test_numbers_of_threads_without_sense_are_passed_over_with_a_warning(monkeypatch, caplog, text):
+    monkeypatch.setenv("CIRCUITKIT_THREADS", text)
+    program = compile_circuit("binn_lateral", backend="compiled")
+    with caplog.at_level(logging.WARNING, "circuitkit"):
+        for _ in range(2):
+            assert isinstance(program.new_kernel(1), CompiledKernel)
+    assert caplog.messages == [
+        f"CIRCUITKIT_THREADS is passed over: found '{text}'; allowed: whole numbers from 1"
+    ]
 
 
 def test_a_forked_process_can_use_threads_too(monkeypatch, tmp_path):

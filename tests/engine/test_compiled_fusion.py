@@ -16,7 +16,10 @@ from circuitkit.engine.backends.c import fusion, source
 from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.operations import Map, Sum
 
-pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
+pytestmark = [
+    pytest.mark.skipif(bool(unavailable()), reason=unavailable()),
+    pytest.mark.usefixtures("no_fallback"),
+]
 N_INPUTS, N_ROWS, COUNT = 4, 60, 10
 
 

@@ -17,7 +17,10 @@ from circuitkit.engine.backends.c import source, spikes
 from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.operations import Map, Recall, Remember, Sum
 
-pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
+pytestmark = [
+    pytest.mark.skipif(bool(unavailable()), reason=unavailable()),
+    pytest.mark.usefixtures("no_fallback"),
+]
 N_SOURCES, N_TARGETS, DELAY = 97, 60, 3
 
 

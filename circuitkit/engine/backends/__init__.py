@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from circuitkit.engine.state import FloatArray, State
 
 AUTO = "auto"
+COMPILED = "compiled"
 _SUFFIX = "_backend"
 BACKEND_NAMES: tuple[str, ...] = tuple(
     sorted(path.stem.removesuffix(_SUFFIX) for path in Path(__file__).parent.glob(f"*{_SUFFIX}.py"))
@@ -90,10 +91,12 @@ def load_backend(name: str) -> KernelMaker:
 
 
 def choose_backend(program: Program) -> tuple[str, str]:
-    """The compiled backend if it works here, else numpy; and why."""
+    """The compiled backend if it works here, else numpy, with a warning if it was asked for; and why."""
     from circuitkit.engine.backends import compiled_backend
 
-    problem = compiled_backend.unavailable() or compiled_backend.prepare(program)
-    if problem:
-        return "numpy", f"backend numpy: {problem}"
-    return "compiled", "backend compiled: C built by the system's compiler"
+    problem = compiled_backend.prepare(program)
+    if not problem:
+        return COMPILED, "backend compiled: C built by the system's compiler"
+    if program.backend != AUTO:
+        compiled_backend.warn(problem, program)
+    return "numpy", f"backend numpy: {problem}"

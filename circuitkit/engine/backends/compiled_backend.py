@@ -6,12 +6,13 @@ import logging
 from typing import TYPE_CHECKING
 
 from circuitkit.engine.backends.c.build import BuildError, unavailable
+from circuitkit.errors import CircuitkitError
 
 if TYPE_CHECKING:
     from circuitkit.engine.backends import Kernel
     from circuitkit.engine.program import Program
 
-__all__ = ["make_kernel", "prepare", "unavailable"]
+__all__ = ["make_kernel", "prepare", "unavailable", "warn"]
 _LOG = logging.getLogger("circuitkit")
 
 
@@ -22,8 +23,10 @@ def make_kernel(program: Program, batch: int) -> Kernel:
 
     try:
         return CompiledKernel(program, batch)
-    except BuildError as error:
-        _LOG.warning("%s; the circuit '%s' is run by the numpy backend", error, program.name)
+    except (CircuitkitError, MemoryError):
+        raise
+    except Exception as error:
+        warn(_reason(error), program)
         return NumpyKernel(program, batch)
 
 
@@ -39,6 +42,20 @@ def prepare(program: Program) -> str:
     try:
         load_runtime()
         load_program(print_program(program, program.members or 1).text)
-    except BuildError as error:
-        return str(error)
+    except (CircuitkitError, MemoryError):
+        raise
+    except Exception as error:
+        return _reason(error)
     return ""
+
+
+def warn(problem: str, program: Program) -> None:
+    """Say that numpy runs a program for which the compiled backend was asked, and why."""
+    _LOG.warning("%s; the circuit '%s' is run by the numpy backend", problem, program.name)
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong; a mistake in the making of the C must not keep a circuit from running either."""
+    if isinstance(error, BuildError):
+        return str(error)
+    return f"internal error of the compiled backend, {type(error).__name__}: {error}"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, NoReturn
 
 import numpy as np
@@ -15,6 +17,7 @@ from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray, State
 
+_LOG = logging.getLogger("circuitkit")
 _LANES = 8
 _ALIGNMENT = 64
 _ALIKE = 64  # rows a multiple of so many numbers apart would share places in the processor's cache
@@ -173,10 +176,20 @@ def _addresses(arrays: Sequence[AnyArray]) -> npt.NDArray[np.uint64]:
     return np.array([*(array.ctypes.data for array in arrays), 0], dtype=np.uint64)
 
 
+@cache  # so that it warns once
+def _chosen_threads(text: str) -> int:
+    """The number of threads that a text says; 0 if it says none, with a warning if it is not empty."""
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    if text:
+        _LOG.warning("CIRCUITKIT_THREADS is passed over: found '%s'; allowed: whole numbers from 1", text)
+    return 0
+
+
 def _threads(work: int, waits: int) -> int:
     """How many threads share the work: what `CIRCUITKIT_THREADS` says, else one if there is little."""
-    if chosen := os.environ.get("CIRCUITKIT_THREADS", ""):
-        return max(1, int(chosen)) if chosen.isdecimal() else 1
+    if chosen := _chosen_threads(os.environ.get("CIRCUITKIT_THREADS", "")):
+        return chosen
     if work < _WORK_FOR_THREADS or work < _WORK_FOR_A_WAIT * waits:
         return 1
     try:
