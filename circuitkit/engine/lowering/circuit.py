@@ -11,6 +11,7 @@ import numpy as np
 from circuitkit.circuit.graph import CircuitGraph, Population, Projection, Synapse
 from circuitkit.circuit.models import SynapseModel
 from circuitkit.engine.lowering.cells import Group, make_blocks, make_stages, place_groups, place_states
+from circuitkit.engine.lowering.delays import require_delays
 from circuitkit.engine.lowering.maps import copy_rows
 from circuitkit.engine.lowering.names import StateNames
 from circuitkit.engine.lowering.neurons import (
@@ -55,7 +56,12 @@ class Lowered:
 
 
 def lower(graph: CircuitGraph) -> Lowered:
-    """Turn a circuit into rows and operations."""
+    """Turn a circuit into rows and operations.
+
+    Raises:
+        InputError: Its delays need more memory than the machine has.
+    """
+    require_delays(graph)
     plan = _plan(graph)
     groups = [*chain(*plan.stages), *plan.continuous]
     readout = plan.table.take(len(graph.outputs))

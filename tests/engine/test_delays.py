@@ -1,0 +1,58 @@
+"""Delays that need more memory than the machine has: 24 bytes a step and source, as the estimate says."""
+
+import pytest
+
+from circuitkit.circuit import memory, parse_circuit, resolve
+from circuitkit.engine import compile_circuit
+from circuitkit.errors import InputError
+
+CIRCUIT = """\
+circuit: late
+control_step: 10 ms
+timing: ordered
+substeps: 5
+inputs: {{u: {{unit: "1", range: [0, 1]}}}}
+neurons: {{q: {{model: leaky_integrator, role: excitatory, tau: 10 ms}}}}
+populations: {{ring: {{size: 100, model: leaky_integrator, role: excitatory, tau: 10 ms}}}}
+synapses:
+  - {{from: u, to: q, weight: 1, delay: {0}}}
+  - {{from: q, to: "ring[1]", weight: 1, delay: {1}}}
+projections:
+  - {{from: ring, to: ring, connect: one_to_one, weight: 1, delay: {2}}}
+outputs: {{y: {{unit: "1", readout: {{ring: 1}}}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("delays", "place", "steps", "need"),
+    [
+        (("1e9 s", "1 s", "1 s"), "f.yaml:9:5: synapse u -> q", 10**11, "2.4e+03 GB"),
+        (("1 s", "1e9 s", "1 s"), "f.yaml:10:5: synapse q -> ring[1]", 5 * 10**11, "1.2e+04 GB"),
+        (("1 s", "1 s", "1e5 s"), "f.yaml:12:5: projection ring -> ring", 5 * 10**7, "120 GB"),
+    ],
+)
+def test_a_delay_that_does_not_fit_into_memory_is_named(monkeypatch, delays, place, steps, need):
+    monkeypatch.setattr(memory, "machine_bytes", lambda: 24_000_000_000)
+    graph = resolve(parse_circuit(CIRCUIT.format(*delays), "f.yaml"))
+    with pytest.raises(InputError) as caught:
+        compile_circuit(graph)
+    assert str(caught.value) == (
+        f"{place}: found {steps} steps of delay, which need about {need} of memory, "
+        "but this machine has 24 GB; allowed: fewer"
+    )
+
+
+def test_steps_of_a_delay_are_counted_with_32_bits(monkeypatch):
+    monkeypatch.setattr(memory, "machine_bytes", lambda: 10**15)
+    graph = resolve(parse_circuit(CIRCUIT.format("2.5e7 s", "1 s", "1 s"), "f.yaml"))
+    with pytest.raises(InputError) as caught:
+        compile_circuit(graph)
+    assert str(caught.value) == (
+        "f.yaml:9:5: synapse u -> q: found 2500000000 steps of delay; allowed: up to 2147483647"
+    )
+
+
+def test_delays_that_fit_are_let_through(monkeypatch):
+    monkeypatch.setattr(memory, "machine_bytes", lambda: 24_000_000_000)
+    graph = resolve(parse_circuit(CIRCUIT.format("1 s", "0 s", "2 s"), "f.yaml"))
+    assert [found.depth for found in compile_circuit(graph, "numpy").memories] == [100, 1001]
