@@ -6,11 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from circuitkit.circuit.memory import shortage
 from circuitkit.engine.state import FloatArray
 from circuitkit.errors import InputError, Problem
 
 _STEP_AXES = 2
 _RUN_AXES = 3
+_LARGEST_SEED = 2**64 - 1
+_LITTLE = 2**26  # bytes, which every machine has
 
 
 def input_problem(message: str) -> InputError:
@@ -29,6 +32,33 @@ def require_batch(batch: int | None, members: int) -> int:
         allowed = f"{members}, the number of circuits of the sweep" if members else "whole numbers from 1"
         raise InputError(Problem("", 0, 0, "batch", f"found {size}; allowed: {allowed}"))
     return size
+
+
+def require_memory(where: str, what: str, needed: float) -> None:
+    """Refuse what needs more memory than the machine has.
+
+    Args:
+        where: What the user gave.
+        what: What was found there.
+        needed: What it needs, [bytes].
+
+    Raises:
+        InputError: It needs more.
+    """
+    complaint = shortage(what, needed) if needed > _LITTLE else ""
+    if complaint:
+        raise InputError(Problem("", 0, 0, where, complaint))
+
+
+def require_seed(seed: int) -> None:
+    """Require a whole number of 64 bits without a sign.
+
+    Raises:
+        InputError: It is another one.
+    """
+    if not (isinstance(seed, int | np.integer) and 0 <= seed <= _LARGEST_SEED):
+        message = f"found {seed}; allowed: whole numbers from 0 to {_LARGEST_SEED}"
+        raise InputError(Problem("", 0, 0, "seed", message))
 
 
 def require_inputs(inputs: FloatArray, names: Sequence[str]) -> None:

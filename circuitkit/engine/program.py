@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuitkit.engine.backends import Kernel, load_backend
-from circuitkit.engine.checks import input_problem, require_batch, require_inputs
+from circuitkit.engine.checks import input_problem, require_batch, require_inputs, require_seed
 from circuitkit.engine.operations import IndexArray, Operation, Remember
 from circuitkit.engine.state import FloatArray, State
 from circuitkit.errors import InputError, Problem, UnknownNameError
@@ -53,7 +53,7 @@ class Program:
         backend: Name of the backend.
         precision: In which all is computed.
         reproducible: Whether a member of a batch gets the same bits whatever the size of the batch.
-        note: What the choice "auto" of the backend led to, and why; empty if there was no choice.
+        note: Which backend runs it, and why that one; empty if there was no choice.
     """
 
     name: str
@@ -114,9 +114,11 @@ class Program:
             seed: Of the noise: copy b has the seed `seed + b`.
 
         Raises:
-            InputError: `batch` is not at least 1, or not the number of members of a sweep.
+            InputError: `batch` is not at least 1, or not the number of members of a sweep, or the seed is
+                negative or has more than 64 bits.
         """
         size = require_batch(batch, self.members)
+        require_seed(seed)
         first = self.initial if self.initial.ndim > 1 else self.initial[:, np.newaxis]
 
         def begin(rows: IndexArray | slice) -> FloatArray:

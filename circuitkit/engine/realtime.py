@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import gc
-import math
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
+from circuitkit.engine.checks import require_memory
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray
 from circuitkit.errors import InputError, Problem
 
+_FASTEST_HZ = 100e3  # the clock itself is read in some 0.1 us
+_LONGEST_S = 86400.0  # a day
+_TIMES = 6  # kept of each tick, or worked out
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99)
 _SPIN_S = (
     300e-6  # sleeping ends late by some 60 us on a quiet machine: this much before a tick, waiting takes over
@@ -64,10 +67,12 @@ def realtime(
         inputs: Shape (T, B, n_inputs), [SI]; repeated from the beginning when they end. Zeros by default.
 
     Raises:
-        InputError: The rate or the duration is not positive, or the inputs have a wrong shape.
+        InputError: The rate is not above 0 and up to 100 kHz, the duration not above 0 and up to a day, or
+            the inputs have a wrong shape.
         DivergedError: A number that is not finite came out.
     """
     ticks = _ticks(rate_hz, seconds)
+    require_memory("seconds", f"{ticks} ticks", 8.0 * _TIMES * ticks)
     given = np.zeros((1, 1, len(program.input_names))) if inputs is None else np.asarray(inputs, np.float64)
     program.check_inputs(given)
     began, ended = _loop(program, rate_hz, ticks, given)
@@ -88,9 +93,10 @@ def realtime(
 
 
 def _ticks(rate_hz: float, seconds: float) -> int:
-    for where, value in (("rate", rate_hz), ("seconds", seconds)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(Problem("", 0, 0, where, f"found {value:g}; allowed: numbers above 0"))
+    for where, value, most in (("rate", rate_hz, _FASTEST_HZ), ("seconds", seconds, _LONGEST_S)):
+        if not 0.0 < value <= most:
+            message = f"found {value:g}; allowed: numbers above 0, up to {most:g}"
+            raise InputError(Problem("", 0, 0, where, message))
     return max(1, round(rate_hz * seconds))
 
 

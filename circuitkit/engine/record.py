@@ -35,7 +35,7 @@ def select(program: Program, names: Iterable[str] | None, *, states: bool) -> Se
     Args:
         program: The compiled circuit.
         names: Names of neurons, populations, outputs of the circuit, or states such as `ring[3].v`; None for
-            all neurons and outputs.
+            all neurons and outputs. What is named twice is recorded once.
         states: Whether to record all states besides.
 
     Raises:
@@ -48,7 +48,7 @@ def select(program: Program, names: Iterable[str] | None, *, states: bool) -> Se
     if names is not None:
         neurons, outputs, found = _find(program, names)
         chosen = range(s) if states else found
-    cells, readouts, variables = (np.array(each, dtype=np.int32) for each in (neurons, outputs, chosen))
+    cells, readouts, variables = (_once(each) for each in (neurons, outputs, chosen))
     rows = [
         program.activation_rows[cells],
         program.output_rows[cells],
@@ -56,6 +56,11 @@ def select(program: Program, names: Iterable[str] | None, *, states: bool) -> Se
         program.state_rows[variables],
     ]
     return Selection(cells, readouts, variables, np.concatenate(rows).astype(np.int32))
+
+
+def _once(columns: Iterable[int]) -> IndexArray:
+    """Each column where it is named first: members may be named alone and with their population."""
+    return np.array(list(dict.fromkeys(columns)), dtype=np.int32)
 
 
 def _find(program: Program, names: Iterable[str]) -> tuple[list[int], list[int], list[int]]:

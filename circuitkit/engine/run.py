@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from circuitkit.engine.checks import as_run_inputs, require_step_inputs
+from circuitkit.engine.checks import as_run_inputs, require_memory, require_step_inputs
 from circuitkit.engine.divergence import raise_for
 from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
@@ -67,7 +67,7 @@ def run(
 
     Raises:
         InputError: A shape does not fit, an input is not finite (its name and step are named), or there is
-            nothing of a name.
+            nothing of a name, or the recording needs more memory than the machine has.
         DivergedError: A number that is not finite came out; the step and the neuron are named.
     """
     inputs = as_run_inputs(inputs, program.input_names)
@@ -76,7 +76,10 @@ def run(
     steps, batch, _ = inputs.shape
     before = program.initial_state(batch) if state is None else state
     _require_state(program, before, batch, "state")
-    recorded = np.empty((steps, batch, len(selection.rows)))
+    width = len(selection.rows)
+    found = f"{steps} steps of {batch} times {width} values"
+    require_memory("record", found, 8.0 * steps * batch * width)
+    recorded = np.empty((steps, batch, width))
     last = before.copy()
     kernel = program.borrow_kernel(batch)
     kernel.load(before)
@@ -99,7 +102,8 @@ def run(
 
 
 def _chosen(names: Sequence[str], columns: IndexArray) -> Sequence[str]:
-    return names if len(columns) == len(names) else tuple(names[int(i)] for i in columns)
+    is_all = np.array_equal(columns, np.arange(len(names)))
+    return names if is_all else tuple(names[int(i)] for i in columns)
 
 
 class Stepper:
@@ -123,7 +127,7 @@ class Stepper:
             seed: Of the noise: copy b has the seed `seed + b`.
 
         Raises:
-            InputError: `batch` is not at least 1, or not the number of members of a sweep.
+            InputError: As `Program.initial_state`.
         """
         state = program.initial_state(batch, seed)
         self._seed = state.seed

@@ -14,9 +14,11 @@ import numpy as np
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
 from circuitkit.circuit.resolving.neurons import shown_unit
+from circuitkit.engine.checks import require_memory
 from circuitkit.engine.compile import compile_circuit
 from circuitkit.engine.input_table import TIME, constant_inputs, read_inputs
 from circuitkit.engine.program import Precision, Program
+from circuitkit.engine.record import select
 from circuitkit.engine.run import run
 from circuitkit.engine.state import FloatArray, Trace
 from circuitkit.errors import InputError, Problem, listing, suggest
@@ -24,7 +26,7 @@ from circuitkit.files import OutputError, replacing
 from circuitkit.units import DIMENSIONLESS, Unit, format_quantity
 
 FORMATS = (".csv", ".nc")
-_CHUNK = 4096  # steps between two reports of progress
+_CHUNK = 4096  # steps between two reports of progress, and lines that are written at once
 
 MOST_NEURONS = 1000  # that are recorded unasked
 Role = Literal["input", "neuron", "output", "state"]
@@ -109,18 +111,22 @@ def run_table(
         One row a step. Inputs that are given nowhere are held at 0, with a note.
 
     Raises:
-        InputError: An unknown input, a wrong unit, a table that cannot be read; lists all problems.
+        InputError: An unknown input, a wrong unit, a table that cannot be read; lists all problems. More
+            steps than fit into memory.
         UnknownNameError: There is nothing of a name in `record`, or no such backend.
         DivergedError: A number that is not finite came out.
     """
-    inputs, given = given_inputs(graph, values or {}, table, steps)
+    constants, given, count = _given(graph, values or {}, table, steps)
     program = compile_circuit(graph, backend, precision)
     names = tuple(dict.fromkeys(record)) or None
-    notes = [*_absent(graph, given), *_range_notes(graph, inputs[:, 0])]
+    notes = [*_absent(graph, {*constants, *given})]
     if names is None and len(program.neuron_names) > MOST_NEURONS:
         names = tuple(program.output_names)
         hidden = f"the {len(program.neuron_names)} neurons are not recorded"
         notes.append(f"{hidden}; name those that are wanted with --record")
+    _require_memory(program, names, count)
+    inputs = _input_array(graph, constants, given, count)
+    notes.extend(_range_notes(graph, inputs[:, 0]))
     columns = _run(program, graph, inputs, names, seed, progress)
     return RunTable(
         circuit=graph.name,
@@ -142,17 +148,36 @@ def given_inputs(
     Raises:
         InputError: As `run_table` does.
     """
+    constants, columns, count = _given(graph, values, table, steps)
+    return _input_array(graph, constants, columns, count), {*constants, *columns}
+
+
+def _given(
+    graph: CircuitGraph, values: Mapping[str, str], table: Path | None, steps: int | None
+) -> tuple[dict[str, float], dict[str, FloatArray], int]:
+    """Constant inputs, inputs of a table, and the number of steps."""
     constants = constant_inputs(graph, values)
     columns = read_inputs(graph, table) if table is not None else {}
     _refuse_doubles(constants, columns)
-    count = _number_of_steps(columns, steps, table)
+    return constants, columns, _number_of_steps(columns, steps, table)
+
+
+def _input_array(
+    graph: CircuitGraph, constants: Mapping[str, float], columns: Mapping[str, FloatArray], count: int
+) -> FloatArray:
     inputs = np.zeros((count, 1, len(graph.inputs)))
     for i, node in enumerate(graph.inputs):
         if node.name in columns:
             inputs[:, 0, i] = columns[node.name][:count]
         else:
             inputs[:, 0, i] = constants.get(node.name, 0.0)
-    return inputs, {*constants, *columns}
+    return inputs
+
+
+def _require_memory(program: Program, names: Sequence[str] | None, steps: int) -> None:
+    """Refuse more steps than fit into memory: inputs in SI and in their units, what is recorded thrice."""
+    width = 2 * len(program.input_names) + 3 * len(select(program, names, states=False).rows) + 1
+    require_memory("steps", f"{steps} steps", 8.0 * width * steps)
 
 
 def _run(
@@ -265,10 +290,10 @@ def write_run(result: RunTable, path: Path) -> None:
 def csv_lines(result: RunTable) -> Iterator[str]:
     """The lines of the CSV table, to 15 digits."""
     yield ",".join((TIME, *(column.name for column in result.columns))) + "\n"
-    for row in zip(
-        result.time_s().tolist(), *(column.values.tolist() for column in result.columns), strict=True
-    ):
-        yield ",".join([f"{value:.15g}" for value in row]) + "\n"
+    every = (result.time_s(), *(column.values for column in result.columns))
+    for start in range(0, result.steps, _CHUNK):  # Python's numbers take four times the memory of an array's
+        for row in zip(*(values[start : start + _CHUNK].tolist() for values in every), strict=True):
+            yield ",".join([f"{value:.15g}" for value in row]) + "\n"
 
 
 def _write_netcdf(result: RunTable, path: Path) -> None:

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from circuitkit.engine.backends.c import build
+
 INPUTS = ["force_difference", "zmp_y"]
+POPULATION = """\
+circuit: c
+control_step: 10 ms
+timing: ordered
+populations: {p: {size: 2, model: identity, role: excitatory}}
+outputs: {y: {unit: "1", readout: {p: 1}}}
+"""
 NEURONS = ["lf", "bf", "rf", "q1", "q2", "q3", "q4", "h1", "h2", "p1", "p2"]
 
 
@@ -168,6 +177,36 @@ def test_verbose_says_which_backend_ran_it(circuitkit):
     assert circuitkit(*words).err == ""
 
 
+def test_verbose_says_what_runs_in_place_of_the_compiled_backend(circuitkit, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(build, "_library", build._library.__wrapped__)  # nothing is loaded already
+    words = ("run", "binn_lateral", "--input", "zmp_y=0mm", "--input", "force_difference=0", "--steps", "1")
+    reason = "no C compiler was found (looked for $CC, cc, gcc, clang)"
+    assert f"backend numpy: {reason}" in circuitkit(*words, "--backend", "compiled", "--verbose").err
+    summary = json.loads(circuitkit(*words, "--backend", "compiled", "--json").out)
+    assert summary["backend"] == f"backend numpy: {reason}"
+
+
+def test_a_seed_of_more_than_64_bits(circuitkit):
+    outcome = circuitkit("run", "binn_lateral", "--steps", "3", "--seed", str(2**64), "--backend", "numpy")
+    assert (outcome.code, outcome.out) == (1, "")
+    message = "seed: found 18446744073709551616; allowed: whole numbers from 0 to 18446744073709551615"
+    assert outcome.err.splitlines() == [message]
+
+
+def test_more_steps_than_any_machine_has_memory_for(circuitkit):
+    outcome = circuitkit("run", "binn_lateral", "--steps", str(10**23), "--backend", "numpy")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert f"steps: found {10**23} steps, which need about " in outcome.err
+
+
+def test_members_are_written_once(circuitkit):
+    Path("c.yaml").write_text(POPULATION, encoding="utf-8")
+    outcome = circuitkit("run", "c.yaml", "--steps", "1", "--record", "p[1]", "--record", "p")
+    assert outcome.out.splitlines()[0] == "time_s,p[1],p[0]"
+
+
 def test_an_unknown_backend(circuitkit):
     outcome = circuitkit("run", "binn_lateral", "--steps", "1", "--backend", "numba")
     assert (outcome.code, outcome.out) == (1, "")
@@ -213,4 +252,7 @@ def test_what_a_real_time_run_cannot_do(circuitkit, more, message):
 
 def test_a_rate_of_nothing(circuitkit):
     outcome = circuitkit("run", "binn_lateral", "--realtime", "1", "--rate", "-5", "--backend", "numpy")
-    assert (outcome.code, outcome.err) == (1, "rate: found -5; allowed: numbers above 0\n")
+    assert (outcome.code, outcome.err) == (
+        1,
+        "rate: found -5; allowed: numbers above 0, up to 100000\n",
+    )

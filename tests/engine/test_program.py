@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
+from circuitkit.circuit import memory
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import State, compile_circuit, run, step
 from circuitkit.engine.backends import BACKEND_NAMES
@@ -93,6 +94,57 @@ def test_an_unknown_backend_is_named_with_those_there_are(graph):
     assert (
         str(error.value)
         == f"unknown backend 'nunpy'; allowed: auto, {', '.join(BACKEND_NAMES)}; did you mean 'numpy'?"
+    )
+
+
+def test_an_unknown_precision_is_named_with_those_there_are(graph):
+    with pytest.raises(UnknownNameError) as error:
+        compile_circuit(graph, precision="float16")
+    assert str(error.value).startswith("unknown precision 'float16'; allowed: float64, float32")
+
+
+@pytest.mark.parametrize("wrap", [lambda program: program, lambda program: [program]])
+def test_what_is_no_circuit_is_refused(graph, wrap):
+    with pytest.raises(InputError) as error:
+        compile_circuit(wrap(compile_circuit(graph, "numpy")))
+    assert str(error.value) == (
+        "circuit: found Program; allowed: a resolved graph, a specification, a path, "
+        "or the name of a shipped circuit"
+    )
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64, 1.5])
+def test_seeds_beyond_64_bits_are_refused(graph, seed):
+    program = compile_circuit(graph, "numpy")
+    assert program.initial_state(seed=2**64 - 1).seed[0] == 2**64 - 1
+    with pytest.raises(InputError) as error:
+        program.initial_state(seed=seed)
+    assert str(error.value) == f"seed: found {seed}; allowed: whole numbers from 0 to 18446744073709551615"
+
+
+def test_what_is_named_twice_is_recorded_once(graph):
+    program = compile_circuit(graph, "numpy")
+    trace = run(program, np.zeros((3, 1, 2)), record=["b", "a", "y", "b", "y"])
+    assert (trace.neuron_names, trace.output_names) == (("b", "a"), ("y",))
+    assert (trace.output.shape, trace.readout.shape) == ((3, 1, 2), (3, 1, 1))
+
+
+def test_names_of_a_recording_are_in_its_order(graph):
+    program = compile_circuit(graph, "numpy")
+    inputs = np.ones((3, 1, 2))
+    trace, every = run(program, inputs, record=["d", "c", "b", "a"]), run(program, inputs)
+    assert trace.neuron_names == ("d", "c", "b", "a")
+    np.testing.assert_array_equal(trace.output, every.output[..., ::-1])
+
+
+def test_a_recording_that_does_not_fit_into_memory_is_refused(graph, monkeypatch):
+    monkeypatch.setattr(memory, "machine_bytes", lambda: 100_000_000)
+    program = compile_circuit(graph, "numpy")
+    with pytest.raises(InputError) as error:
+        run(program, np.zeros((1000, 20000, 2)), record=["y"])
+    assert str(error.value) == (
+        "record: found 1000 steps of 20000 times 1 values, which need about 0.16 GB of memory, "
+        "but this machine has 0.1 GB; allowed: fewer"
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import netcdf_file
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit, memory, resolve
 from circuitkit.engine.table import run_table, write_run
 from circuitkit.errors import InputError
 from circuitkit.files import OutputError
@@ -116,6 +116,17 @@ def test_an_input_that_leaves_its_range_is_noted(relay, tmp_path):
     path = table(tmp_path, "zmp_y,load\n151,0\n150,0\n-150,1\n-151,0\n")
     assert run_table(relay, table=path).notes == (
         "zmp_y leaves its range, -150 mm to 150 mm, in 2 of 4 steps",
+    )
+
+
+@pytest.mark.parametrize(("steps", "need"), [(10**9, "112 GB"), (10**23, "1.12e+16 GB")])
+def test_more_steps_than_fit_into_memory_are_refused(relay, monkeypatch, steps, need):
+    monkeypatch.setattr(memory, "machine_bytes", lambda: 24_000_000_000)
+    with pytest.raises(InputError) as caught:
+        run_table(relay, steps=steps)
+    assert str(caught.value) == (
+        f"steps: found {steps} steps, which need about {need} of memory, but this machine has 24 GB; "
+        "allowed: fewer"
     )
 
 
