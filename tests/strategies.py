@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from hypothesis import strategies as st
 
 from circuitkit.circuit import CircuitGraph, parse_circuit, resolve
+from circuitkit.circuit.expressions.expression import (
+    BINARY_OPERATORS,
+    FUNCTION_ARITY,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Unary,
+)
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.source import dump_yaml
 
@@ -183,3 +194,22 @@ def circuit_texts() -> st.SearchStrategy[str]:
 def circuit_graphs() -> st.SearchStrategy[CircuitGraph]:
     """A resolved circuit."""
     return circuit_texts().map(lambda text: resolve(parse_circuit(text)))
+
+
+def expression_trees(
+    numbers: st.SearchStrategy[float], names: Iterable[str], max_leaves: int
+) -> st.SearchStrategy[Expression]:
+    """Trees of all operators and functions over these numbers and names."""
+    return st.recursive(
+        numbers.map(Number) | st.sampled_from(sorted(names)).map(Name),
+        lambda inner: (
+            st.builds(Unary, st.sampled_from("+-"), inner)
+            | st.builds(Binary, st.sampled_from(BINARY_OPERATORS), inner, inner)
+            | st.sampled_from(sorted(FUNCTION_ARITY)).flatmap(
+                lambda name: st.tuples(*[inner] * FUNCTION_ARITY[name]).map(
+                    lambda arguments: Call(name, arguments)
+                )
+            )
+        ),
+        max_leaves=max_leaves,
+    )

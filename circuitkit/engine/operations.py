@@ -9,7 +9,7 @@ their meaning.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -128,3 +128,35 @@ class Remember:
 
 
 Operation: TypeAlias = Sum | Map | Noise | Recall | Remember
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Lowered:
+    """A circuit as rows and operations.
+
+    Attributes:
+        n_rows: Rows of the table, row 0 (always zero) included.
+        before: Operations at the beginning of a control step.
+        substep: Operations of a substep.
+        after: Operations at the end of a control step.
+        initial: Every row at the start, shape (n_rows,), or (n_rows, B) in a sweep, [SI].
+        activation_rows: Row of the activation of every neuron, shape (n_neurons,).
+        output_rows: Row of the output of every neuron, shape (n_neurons,).
+        readout_rows: First row of the outputs of the circuit and the row after the last one.
+        state_rows: Every other row that must survive a control step, shape (n_states,). All rows that are in
+            none of these four and are no inputs are written before they are read, in every control step.
+        state_names: What is in the state rows, shape (n_states,).
+        population_columns: Columns of the members of every population.
+    """
+
+    n_rows: int
+    before: tuple[Operation, ...]
+    substep: tuple[Operation, ...]
+    after: tuple[Operation, ...]
+    initial: FloatArray
+    activation_rows: IndexArray
+    output_rows: IndexArray
+    readout_rows: tuple[int, int]
+    state_rows: IndexArray
+    state_names: Sequence[str]
+    population_columns: Mapping[str, range] = field(default_factory=dict)

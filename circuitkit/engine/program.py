@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from circuitkit.engine.backends import Kernel, load_backend
 from circuitkit.engine.checks import input_problem, require_batch, require_inputs, require_seed
-from circuitkit.engine.operations import IndexArray, Operation, Remember
+from circuitkit.engine.operations import IndexArray, Lowered, Operation, Remember
 from circuitkit.engine.state import FloatArray, State
 from circuitkit.errors import InputError, Problem, UnknownNameError
 
@@ -23,32 +23,20 @@ Precision = Literal["float64", "float32"]
 _MAX_IDLE_SIZES = 8
 
 
-@dataclass(frozen=True, eq=False)
-class Program:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Program(Lowered):
     """A compiled circuit. Names and columns that a user meets are in file order; rows are an inner matter.
 
     A control step: write the inputs into rows 1 ... n_inputs; do `before`; `substeps` times `substep`;
     `after`.
 
-    Attributes:
+    Attributes (beside those of `Lowered`):
         name: Name of the circuit.
         step_s: Control step, [s].
         substeps: How often `substep` is done in a control step.
         input_names: In file order.
         neuron_names: In file order; formatted when they are asked for if there are populations.
         output_names: In file order.
-        n_rows: Rows of the table, row 0 (always zero) included.
-        before: Operations at the beginning of a control step.
-        substep: Operations of a substep.
-        after: Operations at the end of a control step.
-        initial: Every row at the start, shape (n_rows,), or (n_rows, B) in a sweep, [SI].
-        activation_rows: Row of the activation of every neuron, shape (n_neurons,).
-        output_rows: Row of the output of every neuron, shape (n_neurons,).
-        readout_rows: First row of the outputs of the circuit and the row after the last one.
-        state_rows: Every other row that must survive a control step, shape (n_states,). All rows that are in
-            none of these four and are no inputs are written before they are read, in every control step.
-        state_names: What is in the state rows, shape (n_states,).
-        population_columns: Columns of the members of every population.
         members: Number B of circuits in a sweep, which all differ in constants; 0 for one circuit.
         backend: Name of the backend.
         precision: In which all is computed.
@@ -62,17 +50,6 @@ class Program:
     input_names: Sequence[str]
     neuron_names: Sequence[str]
     output_names: Sequence[str]
-    n_rows: int
-    before: tuple[Operation, ...]
-    substep: tuple[Operation, ...]
-    after: tuple[Operation, ...]
-    initial: FloatArray
-    activation_rows: IndexArray
-    output_rows: IndexArray
-    readout_rows: tuple[int, int]
-    state_rows: IndexArray
-    state_names: Sequence[str]
-    population_columns: Mapping[str, range] = field(default_factory=dict)
     members: int = 0
     backend: str = "numpy"
     precision: Precision = "float64"

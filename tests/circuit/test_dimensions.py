@@ -7,6 +7,7 @@ import math
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from strategies import expression_trees
 
 from circuitkit.circuit.expressions.dimensions import (
     NO_DIMENSION,
@@ -15,15 +16,8 @@ from circuitkit.circuit.expressions.dimensions import (
     dimension_of,
 )
 from circuitkit.circuit.expressions.expression import (
-    BINARY_OPERATORS,
     COMPARISONS,
-    FUNCTION_ARITY,
-    Binary,
-    Call,
     Expression,
-    Name,
-    Number,
-    Unary,
 )
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.errors import ExpressionError
@@ -115,19 +109,7 @@ def test_the_dimension_wanted_is_named():
     assert str(caught.value) == "found 'v * tau', which is V*s; allowed: V/s"
 
 
-expressions = st.recursive(
-    st.sampled_from([0.0, 0.5, 2.0]).map(Number) | st.sampled_from(sorted(NAMES)).map(Name),
-    lambda inner: (
-        st.builds(Unary, st.sampled_from("+-"), inner)
-        | st.builds(Binary, st.sampled_from(BINARY_OPERATORS), inner, inner)
-        | st.sampled_from(sorted(FUNCTION_ARITY)).flatmap(
-            lambda name: st.tuples(*[inner] * FUNCTION_ARITY[name]).map(
-                lambda arguments: Call(name, arguments)
-            )
-        )
-    ),
-    max_leaves=6,
-)
+expressions = expression_trees(st.sampled_from([0.0, 0.5, 2.0]), NAMES, max_leaves=6)
 
 
 def scaled(dimension: OpenDimension, units: list[float]) -> float:

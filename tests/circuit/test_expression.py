@@ -7,10 +7,9 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from strategies import expression_trees
 
 from circuitkit.circuit.expressions.expression import (
-    BINARY_OPERATORS,
-    FUNCTION_ARITY,
     Binary,
     Call,
     Expression,
@@ -83,19 +82,7 @@ def test_the_tree_has_the_shape_of_the_text():
     assert tree.names() == {"slope", "A"}
 
 
-expressions = st.recursive(
-    st.floats(0, 1e6).map(Number) | st.sampled_from(NAMES).map(Name),
-    lambda inner: (
-        st.builds(Unary, st.sampled_from("+-"), inner)
-        | st.builds(Binary, st.sampled_from(BINARY_OPERATORS), inner, inner)
-        | st.sampled_from(sorted(FUNCTION_ARITY)).flatmap(
-            lambda name: st.tuples(*[inner] * FUNCTION_ARITY[name]).map(
-                lambda arguments: Call(name, arguments)
-            )
-        )
-    ),
-    max_leaves=8,
-)
+expressions = expression_trees(st.floats(0, 1e6), NAMES, max_leaves=8)
 
 
 @given(expressions)

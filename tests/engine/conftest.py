@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse, Timing
 from circuitkit.circuit.models import neuron_model
 from circuitkit.engine.backends import compiled_backend
+from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.units import DIMENSIONLESS
 
 sys.path.insert(0, str(Path(__file__).parent))  # for `reference` and `random_circuits`
@@ -194,7 +195,9 @@ def _circuits(
 
 @pytest.fixture(scope="module")
 def no_fallback() -> Iterator[None]:
-    """Lets a mistake in the making of C fail the test, in place of leading to numpy."""
+    """Skips without a C compiler; with one, a mistake in the making of C fails, and does not lead to numpy."""
+    if reason := unavailable():
+        pytest.skip(reason)
 
     def fail(error: Exception) -> str:
         raise error
@@ -202,6 +205,13 @@ def no_fallback() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled_backend, "_reason", fail)
         yield
+
+
+@pytest.fixture
+def quick_builds(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cache of the tests' own, which they share; optimisation that is quick to do."""
+    monkeypatch.setenv("CIRCUITKIT_CACHE", str(tmp_path_factory.getbasetemp() / "compiled"))
+    monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O1")
 
 
 @pytest.fixture(scope="session")

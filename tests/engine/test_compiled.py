@@ -16,25 +16,14 @@ from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.c import fusion, source
-from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.operations import Map, Noise, Recall, Remember, Sum
 from circuitkit.errors import DivergedError, InputError
 
-pytestmark = [
-    pytest.mark.skipif(bool(unavailable()), reason=unavailable()),
-    pytest.mark.usefixtures("no_fallback"),
-]
+pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
 FORMS = {"unrolled": 10**6, "loops": -1}
 both_forms = pytest.mark.usefixtures("form")
 PARTS = ("activation", "output", "readout", "states")
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path_factory, monkeypatch):
-    """A cache of the tests' own, which they share; optimisation that is quick to do."""
-    monkeypatch.setenv("CIRCUITKIT_CACHE", str(tmp_path_factory.getbasetemp() / "compiled"))
-    monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O1")
 
 
 @pytest.fixture(params=FORMS)

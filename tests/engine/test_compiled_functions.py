@@ -10,14 +10,10 @@ import pytest
 from programs import program_of
 
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.operations import Map
 
-pytestmark = [
-    pytest.mark.skipif(bool(unavailable()), reason=unavailable()),
-    pytest.mark.usefixtures("no_fallback"),
-]
+pytestmark = pytest.mark.usefixtures("no_fallback")
 NAMES = ("exp", "expm1", "exprel", "sigmoid", "tanh")
 TINY = Decimal("1e-30")
 

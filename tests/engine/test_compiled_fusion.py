@@ -13,21 +13,15 @@ from programs import program_of
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import run
 from circuitkit.engine.backends.c import fusion, source
-from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.operations import Map, Sum
 
-pytestmark = [
-    pytest.mark.skipif(bool(unavailable()), reason=unavailable()),
-    pytest.mark.usefixtures("no_fallback"),
-]
+pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
 N_INPUTS, N_ROWS, COUNT = 4, 60, 10
 
 
 @pytest.fixture(autouse=True)
-def small(tmp_path_factory, monkeypatch):
+def small(monkeypatch):
     """Even small programs become loops, and even short ones are shared."""
-    monkeypatch.setenv("CIRCUITKIT_CACHE", str(tmp_path_factory.getbasetemp() / "compiled"))
-    monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O1")
     monkeypatch.setattr(source, "_MAX_UNROLLED", -1)
     monkeypatch.setattr(fusion, "_MANY_ROWS", 1)
 

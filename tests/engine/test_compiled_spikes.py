@@ -14,21 +14,15 @@ from circuitkit.circuit import parse_circuit, resolve
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.c import source, spikes
-from circuitkit.engine.backends.c.build import unavailable
 from circuitkit.engine.operations import Map, Recall, Remember, Sum
 
-pytestmark = [
-    pytest.mark.skipif(bool(unavailable()), reason=unavailable()),
-    pytest.mark.usefixtures("no_fallback"),
-]
+pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
 N_SOURCES, N_TARGETS, DELAY = 97, 60, 3
 
 
 @pytest.fixture(autouse=True)
-def small(tmp_path_factory, monkeypatch):
+def small(monkeypatch):
     """Even small programs become loops, and their sums go by columns."""
-    monkeypatch.setenv("CIRCUITKIT_CACHE", str(tmp_path_factory.getbasetemp() / "compiled"))
-    monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O1")
     monkeypatch.setattr(source, "_MAX_UNROLLED", -1)
     monkeypatch.setattr(spikes, "_MANY_TERMS", 1)
 

@@ -28,22 +28,27 @@ def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
         model = models.neuron(item)
         if model is None:
             continue
-        read = _reader(scope, item)
-        found = neuron_parameters(scope, item, model, read)
-        if found is None:
-            continue
-        unit, parameters = found
-        yield Neuron(
-            name=scope.prefix + name,
-            model=model,
-            role=item.spec.role,
-            parameters=parameters,
-            activation_unit=unit,
-            description=item.spec.description,
-            initial=neuron_start(scope, item, model, unit, parameters, read),
-            noise=neuron_noise(scope, item, unit, read),
-            origin=item.origin,
-        )
+        values = neuron_values(scope, item, model, _reader(scope, item))
+        if values is not None:
+            yield Neuron(name=scope.prefix + name, **values)
+
+
+def neuron_values(scope: Scope, item: Item[Any], model: NeuronModel, read: Reader) -> dict[str, Any] | None:
+    """What neurons and populations have alike, by the names of their fields; None after complaining."""
+    found = neuron_parameters(scope, item, model, read)
+    if found is None:
+        return None
+    unit, parameters = found
+    return {
+        "model": model,
+        "role": item.spec.role,
+        "parameters": parameters,
+        "activation_unit": unit,
+        "description": item.spec.description,
+        "initial": neuron_start(scope, item, model, unit, parameters, read),
+        "noise": neuron_noise(scope, item, unit, read),
+        "origin": item.origin,
+    }
 
 
 def _reader(scope: Scope, item: Item[Any]) -> Reader:

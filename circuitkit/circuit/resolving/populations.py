@@ -11,7 +11,7 @@ from circuitkit.circuit.models import NeuronModel
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.memory import Budget
-from circuitkit.circuit.resolving.neurons import neuron_noise, neuron_parameters, neuron_start
+from circuitkit.circuit.resolving.neurons import neuron_values
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import PopulationSpec
 from circuitkit.source import Place
@@ -28,23 +28,9 @@ def populations(scope: Scope, models: DeclaredModels, budget: Budget) -> Iterato
         size = _size(scope, item, model, budget)
         if model is None or size is None:
             continue
-        read = _reader(scope, item, size)
-        found = neuron_parameters(scope, item, model, read)
-        if found is None:
-            continue
-        unit, parameters = found
-        yield Population(
-            name=scope.prefix + name,
-            size=size,
-            model=model,
-            role=item.spec.role,
-            parameters=parameters,
-            activation_unit=unit,
-            description=item.spec.description,
-            initial=neuron_start(scope, item, model, unit, parameters, read),
-            noise=neuron_noise(scope, item, unit, read),
-            origin=item.origin,
-        )
+        values = neuron_values(scope, item, model, _reader(scope, item, size))
+        if values is not None:
+            yield Population(name=scope.prefix + name, size=size, **values)
 
 
 def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, budget: Budget) -> int | None:

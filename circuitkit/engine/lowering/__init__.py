@@ -6,7 +6,7 @@ neurons stand side by side in which rows), `sources` (in which row a target find
 `sweep` (several circuits of one structure).
 """
 
-from circuitkit.engine.lowering.circuit import Lowered, lower
+from circuitkit.engine.lowering.circuit import lower
 from circuitkit.engine.lowering.sweep import side_by_side
 
-__all__ = ["Lowered", "lower", "side_by_side"]
+__all__ = ["lower", "side_by_side"]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 
 import numpy as np
@@ -34,25 +33,7 @@ from circuitkit.engine.lowering.synapses import (
     only_weighs,
 )
 from circuitkit.engine.lowering.table import Table
-from circuitkit.engine.operations import IndexArray, Operation
-from circuitkit.engine.state import FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Lowered:
-    """A circuit as rows and operations; the fields are those of `Program`."""
-
-    n_rows: int
-    before: tuple[Operation, ...]
-    substep: tuple[Operation, ...]
-    after: tuple[Operation, ...]
-    initial: FloatArray
-    activation_rows: IndexArray
-    output_rows: IndexArray
-    readout_rows: tuple[int, int]
-    state_rows: IndexArray
-    state_names: Sequence[str]
-    population_columns: Mapping[str, range]
+from circuitkit.engine.operations import IndexArray, Lowered, Operation
 
 
 def lower(graph: CircuitGraph) -> Lowered:

@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.engine.lowering.circuit import Lowered
-from circuitkit.engine.operations import Map, Noise, Operation, Sum
+from circuitkit.engine.operations import Lowered, Map, Noise, Operation, Sum
 from circuitkit.errors import InputError, Problem
 
 _T = TypeVar("_T")

@@ -6,6 +6,7 @@ members; both do the same operations on every number, so that both give the same
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -34,7 +35,7 @@ def print_unrolled(program: Program, constants: Constants, *, alone: bool) -> st
     return printer.source()
 
 
-class _Printer:
+class _Printer(ABC):
     """Prints operations; what differs between one circuit and a batch is in `_Alone` and `_Batch`.
 
     A line with an @ stands for as many lines as there are vectors abreast, with their numbers in its place.
@@ -138,12 +139,13 @@ class _Printer:
     def _assign(self, row: int, value: str) -> None:
         self.lines.append(f"{self._row(row)} = {value};")
 
+    @abstractmethod
     def _end(self, kept: Sequence[int], changed: set[int]) -> None:
         """Stores the rows that last, and returns whether their sum is finite."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _map(self, operation: Map) -> None:
-        raise NotImplementedError
+        """Evaluates expressions side by side."""
 
     def _constant(self, values: FloatArray, k: int) -> str:
         """Number k of the constants, in all lanes or the one of each member."""
