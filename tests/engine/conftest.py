@@ -195,7 +195,7 @@ def _circuits(
 
 @pytest.fixture(scope="module")
 def no_fallback() -> Iterator[None]:
-    """Skips without a C compiler; with one, a mistake in the making of C fails, and does not lead to numpy."""
+    """Skips without a C compiler; with one, a mistake in the making of C fails and does not lead to numpy."""
     if reason := unavailable():
         pytest.skip(reason)
 
