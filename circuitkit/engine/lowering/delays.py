@@ -1,4 +1,4 @@
-"""Whether what delays have to keep fits into memory, estimated before anything is made."""
+"""How many steps a delay is, and whether what delays keep fits into memory, before anything is made."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ class _Delay(NamedTuple):
     synapse: Synapse | Projection
     in_substeps: bool
     steps: int
+
+
+def delay_steps(delay_s: float, step_s: float) -> int:
+    """The nearest number of whole steps."""
+    return round(delay_s / step_s)
 
 
 def require_delays(graph: CircuitGraph) -> None:
@@ -51,7 +56,7 @@ def _delays(graph: CircuitGraph, sizes: Mapping[str, int]) -> Iterator[_Delay]:
         if synapse.delay_s:
             ends = (_node(name, sizes) for name in (synapse.source, synapse.target))
             in_substeps = continuous.issuperset(ends)
-            steps = round(synapse.delay_s / graph.step_s * (graph.substeps if in_substeps else 1))
+            steps = delay_steps(synapse.delay_s, graph.step_s / (graph.substeps if in_substeps else 1))
             if steps:
                 yield _Delay(synapse, in_substeps, steps)
 

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from circuitkit.engine.lowering.cells import Block
+from circuitkit.engine.lowering.delays import delay_steps
 from circuitkit.engine.lowering.maps import copy_rows
 from circuitkit.engine.lowering.plan import Plan
 from circuitkit.engine.operations import Operation, Recall, Remember
@@ -73,7 +74,7 @@ class Sources:
             lag = 1
             if not source.node.model.continuous and (to_continuous or plan.graph.timing == "ordered"):
                 lag = 0
-        steps = round(delay_s / (plan.dt if fine else plan.graph.step_s))
+        steps = delay_steps(delay_s, plan.dt if fine else plan.graph.step_s)
         if steps > 0:
             return self._past("substep" if fine else "before", row, count, steps + lag)
         if name not in plan.inputs and (source.node.name, target.node.name) in plan.order.held:
@@ -83,7 +84,7 @@ class Sources:
     def newest(self, name: str, delay_s: float = 0.0) -> int:
         """Row of an output at the end of a control step, or of what it was there so long ago."""
         plan = self._plan
-        steps = round(delay_s / plan.graph.step_s)
+        steps = delay_steps(delay_s, plan.graph.step_s)
         if name in plan.inputs:
             row, count = plan.inputs[name], 1
         else:
