@@ -185,7 +185,7 @@ def _add_servos(mj: Any, spec: RobotSpec) -> dict[str, Servo]:  # noqa: ANN401 -
 
 
 def _add_sensors(mj: Any, spec: RobotSpec) -> SensorLayout:  # noqa: ANN401 - MjSpec is not typed
-    """Force cells, contact wrenches, CoM and IMU, in the order in which `SensorLayout` reads them."""
+    """Force cells, contact wrenches, CoM, IMU and joints, in the order in which `SensorLayout` reads them."""
     sensor, kind = mj.add_sensor, mujoco.mjtSensor
     body, site = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
     cells: list[str] = []
@@ -213,6 +213,11 @@ def _add_sensors(mj: Any, spec: RobotSpec) -> SensorLayout:  # noqa: ANN401 - Mj
     sensor(name="torso_up", type=kind.mjSENS_FRAMEZAXIS, objtype=frame, objname=spec.torso)
     for name in (spec.torso, spec.feet.left.body, spec.feet.right.body):
         sensor(name=f"{name}_position", type=kind.mjSENS_FRAMEPOS, objtype=frame, objname=name)
+    for role in LEG_JOINTS:
+        joint = spec.joints[role]
+        sensor(
+            name=f"{joint}_angle", type=kind.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=joint
+        )
     return SensorLayout(cells=tuple(cells))
 
 

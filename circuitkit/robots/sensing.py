@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.errors import UnknownNameError
+from circuitkit.gait import LEG_JOINTS
 from circuitkit.units import Unit, parse_unit
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ _LEAST_LOAD_N = 1.0  # below this a foot counts as unloaded, and its ZMP as in t
 @dataclass(frozen=True)
 class SensorLayout:
     """Order of `sensordata`: cells, wrench of each foot (force, torque, point), CoM, CoM velocity, gyro,
-    accelerometer, up axis and position of the torso, position of each foot.
+    accelerometer, up axis and position of the torso, position of each foot, angles of the legs' joints.
 
     Attributes:
         cells: Names of the eight force cells, left foot first.
@@ -72,9 +73,14 @@ class SensorLayout:
         return self._after(36 + 3 * side, 3)
 
     @property
+    def leg_joints(self) -> slice:
+        """Angles of `LEG_JOINTS`, [rad]."""
+        return self._after(42, len(LEG_JOINTS))
+
+    @property
     def width(self) -> int:
         """How many numbers a robot's sensors give."""
-        return len(self.cells) + 42
+        return len(self.cells) + 42 + len(LEG_JOINTS)
 
     def _after(self, start: int, count: int) -> slice:
         return slice(len(self.cells) + start, len(self.cells) + start + count)
@@ -102,7 +108,8 @@ class Channel:
 def channels(layout: SensorLayout, cells_xy_m: Array, hip_offset_y_m: float) -> dict[str, Channel]:
     """All channels of a robot with two feet of four force cells.
 
-    Positions are from the middle between the feet, which stand side by side at the hips' distance.
+    The ZMP is from the middle between the feet as if they stood side by side at the hips' distance, since the
+    cells do not know where the feet are; the CoM is from the middle between the feet where they are.
 
     Args:
         layout: Where the sensors stand.
@@ -153,6 +160,21 @@ def channels(layout: SensorLayout, cells_xy_m: Array, hip_offset_y_m: float) -> 
     for axis, letter in enumerate("xy"):
         tilt = one(layout.torso_up, axis)
         every.append(Channel(f"tilt_{letter}", plain, tilt, none, "torso's lean: component of its up axis"))
+    left, right = layout.foot(0), layout.foot(1)
+    for axis, (letter, way) in enumerate({"x": "forward of", "y": "left of", "z": "above"}.items()):
+        com, apart = one(layout.com, axis), one(left, axis) - one(right, axis)
+        if letter != "z":
+            com -= (one(left, axis) + one(right, axis)) / 2
+        origin = "floor" if letter == "z" else "middle between the ankles, where they are"
+        every += [
+            Channel(f"com_{letter}", metre, com, none, f"CoM {way} the {origin}"),
+            Channel(f"feet_{letter}", metre, apart, none, f"left ankle {way} the right one"),
+        ]
+    for number, joint in enumerate(LEG_JOINTS):
+        angle = one(layout.leg_joints, number)
+        every.append(
+            Channel(joint, parse_unit("rad"), angle, none, f"angle of the {joint.replace('_', ' ')}")
+        )
     return {channel.name: channel for channel in every}
 
 

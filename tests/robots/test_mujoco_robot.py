@@ -235,11 +235,65 @@ def test_commands_are_added_to_the_targets_by_the_robot_file():
         np.testing.assert_allclose(values, expected.get(name, [0, 0]), atol=1e-15)
 
 
+def commanded(command, angle, bend_rad=0.5):
+    """Body poses of a NAO with bent knees whose joints have turned as a command says; by `mj_kinematics`."""
+    robot, data = nao(), mujoco.MjData(nao().model)
+    joints = robot.posture.copy()
+    for side in (0, 5):
+        joints[robot.leg_index[side + 1 : side + 4]] = [-bend_rad, 2 * bend_rad, -bend_rad]
+    for name, factor in robot.spec.commands[command].joints.items():
+        joints[robot.leg_index[LEG_JOINTS.index(name)]] += factor * angle
+    data.qpos[3] = 1.0
+    data.qpos[robot.qpos_index] = joints
+    mujoco.mj_kinematics(robot.model, data)
+    return data
+
+
+@pytest.mark.parametrize("angle", [0.1, -0.1])
+@pytest.mark.parametrize(("command", "axis"), [("torso_roll", 0), ("torso_pitch", 1)])
+def test_the_torso_turns_about_its_axis_over_feet_that_stay(command, axis, angle):
+    """As the feet see it: the torso's turn is the inverse of theirs."""
+    data = commanded(command, angle)
+    expected = np.zeros(4)
+    mujoco.mju_axisAngle2Quat(expected, -np.eye(3)[axis], angle)
+    for foot in nao().feet_id:
+        np.testing.assert_allclose(data.xquat[foot], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.1, -0.1])
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("way", ["x", "y"])
+def test_a_foot_moves_on_a_circle_about_its_hip_with_the_sole_parallel(side, way, angle):
+    """Forward or to the left for a positive angle, whichever leg; the other leg stays."""
+    before, after = commanded(f"{side}_foot_{way}", 0.0), commanded(f"{side}_foot_{way}", angle)
+    moving, staying = nao().feet_id if side == "left" else nao().feet_id[::-1]
+    hip = before.xanchor[nao().model.joint(f"{side[0].upper()}HipRoll").id]
+    leg, turned = (data.xpos[moving] - hip for data in (before, after))
+    c, s = math.cos(angle), math.sin(angle)
+    turn = [[c, 0, -s], [0, 1, 0], [s, 0, c]] if way == "x" else [[1, 0, 0], [0, c, -s], [0, s, c]]
+    np.testing.assert_allclose(turned, turn @ leg, atol=1e-12)
+    assert np.sign((turned - leg)["xyz".index(way)]) == np.sign(angle)
+    np.testing.assert_allclose(after.xquat[moving], [1, 0, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(after.xpos[staying], before.xpos[staying])
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_lifted_leg_gets_shorter_with_the_sole_parallel(side):
+    """By l_H cos a + l_K cos b of eq. 4, both angles from the vertical grown by the command."""
+    before, after = (commanded(f"{side}_leg_lift", angle) for angle in (0.0, 0.2))
+    moving, staying = nao().feet_id if side == "left" else nao().feet_id[::-1]
+    rise = after.xpos[moving][2] - before.xpos[moving][2]
+    assert rise == pytest.approx((0.1 + 0.1029) * (math.cos(0.5) - math.cos(0.7)), rel=1e-3)
+    assert abs(after.xpos[moving][0] - before.xpos[moving][0]) < 0.001
+    np.testing.assert_allclose(after.xquat[moving], [1, 0, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(after.xpos[staying], before.xpos[staying])
+
+
 def test_an_unknown_command():
     with pytest.raises(UnknownNameError) as caught:
         MujocoRobot(nao(), *still(), ("ankle_rol",))
     assert str(caught.value) == (
-        "unknown command of the robot 'ankle_rol'; allowed: ankle_roll, ankle_pitch; "
+        f"unknown command of the robot 'ankle_rol'; allowed: {', '.join(nao().spec.commands)}; "
         "did you mean 'ankle_roll'?"
     )
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from walking import nao
+from walking import NAO_LEG_JOINTS, nao
 
-from circuitkit.errors import UnknownNameError
+from circuitkit.errors import UnknownNameError, listing
+from circuitkit.gait import LEG_JOINTS
 from circuitkit.robots import robot_channels
 from circuitkit.robots.sensing import Observer, centre_of_pressure, total_centre_of_pressure
 
@@ -57,6 +58,8 @@ def test_the_layout_is_the_order_of_the_models_sensors():
         "r_ankle_position": LAYOUT.foot(1),
     }
     places |= {name: slice(i, i + 1) for i, name in enumerate(CELLS)}
+    angles = LAYOUT.leg_joints.start
+    places |= {f"{name}_angle": slice(angles + i, angles + i + 1) for i, name in enumerate(NAO_LEG_JOINTS)}
     assert model.nsensor == len(places)
     assert model.nsensordata == LAYOUT.width
     for name, place in places.items():
@@ -102,12 +105,37 @@ def test_in_the_air_the_zmp_is_in_the_middle():
         ("com_velocity_y", "com_velocity", 1, "m/s"),
         ("tilt_x", "torso_up", 0, "1"),
         ("tilt_y", "torso_up", 1, "1"),
+        ("com_z", "com", 2, "m"),
+        ("left_ankle_roll", "leg_joints", LEG_JOINTS.index("left_ankle_roll"), "rad"),
+        ("right_hip_pitch", "leg_joints", LEG_JOINTS.index("right_hip_pitch"), "rad"),
     ],
 )
 def test_plain_channels_are_one_reading(name, part, axis, unit):
     values = readings()
     assert observe(values, name)[0, 0] == values[0, getattr(LAYOUT, part)][axis]
     assert CHANNELS[name].unit.symbol == unit
+
+
+def test_the_com_is_seen_from_the_middle_between_the_ankles_wherever_they_are():
+    """A turned-away, striding robot: everything moved along leaves it as it is."""
+    values = readings()
+    com, (left, right) = values[0, LAYOUT.com], (values[0, LAYOUT.foot(side)] for side in (0, 1))
+    found = observe(values, "com_x", "com_y", "feet_x", "feet_y", "feet_z")[0]
+    np.testing.assert_allclose(found, [*(com - (left + right) / 2)[:2], *(left - right)], atol=1e-15)
+    for place in (LAYOUT.com, LAYOUT.foot(0), LAYOUT.foot(1)):
+        values[:, place] += [3.0, -2.0, 0.0]
+    np.testing.assert_allclose(
+        observe(values, "com_x", "com_y", "feet_x", "feet_y", "feet_z")[0], found, atol=1e-14
+    )
+
+
+def test_the_legs_joints_are_as_the_simulation_has_them():
+    robot, data = nao(), mujoco.MjData(nao().model)
+    data.qpos[robot.qpos_index] = np.linspace(-0.3, 0.3, len(robot.qpos_index))
+    mujoco.mj_forward(robot.model, data)
+    expected = [data.joint(name).qpos[0] for name in NAO_LEG_JOINTS]
+    np.testing.assert_array_equal(observe(data.sensordata[None], *LEG_JOINTS)[0], expected)
+    assert len(set(expected)) == len(LEG_JOINTS)
 
 
 def test_channels_are_those_of_the_robot_in_the_order_asked_for():
@@ -121,7 +149,7 @@ def test_an_unknown_channel():
     with pytest.raises(UnknownNameError) as caught:
         Observer(LAYOUT, CHANNELS, ["zmp"])
     assert str(caught.value) == (
-        f"unknown sensor channel 'zmp'; allowed: {', '.join(CHANNELS)}; did you mean 'zmp_x'?"
+        f"unknown sensor channel 'zmp'; allowed: {listing(CHANNELS)}; did you mean 'zmp_x'?"
     )
 
 
