@@ -9,6 +9,7 @@ from typing import Any
 
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
 from circuitkit.circuit.authoring.settings import resolve_with
+from circuitkit.circuit.silencing import silence
 from circuitkit.control import CircuitController, Controller, OpenLoop
 from circuitkit.errors import InputError, MissingDependencyError, Problem, UnknownNameError
 from circuitkit.gait import Walk, load_gait
@@ -168,6 +169,8 @@ def make_plan(
         graph = resolve_with(file, settings or {})
         yardstick = None if circuit is None or _has_thresholds(graph, scenario) else _own_circuit(scenario)
         threshold_lines(yardstick or graph, scenario.thresholds)
+    with scenario.located("silenced"):
+        graph, yardstick = _lesioned(graph, yardstick, scenario)
     ticks = round(scenario.duration / gait.control_step)
     with scenario.located("duration"):
         if ticks == 0:
@@ -177,6 +180,15 @@ def make_plan(
     with scenario.located("gait"):
         walk, targets = plan_robot_walk(robot, gait, ticks)
     return Plan(scenario, robot, walk, targets, graph, yardstick, backend)
+
+
+def _lesioned(
+    graph: CircuitGraph, yardstick: CircuitGraph | None, scenario: Scenario
+) -> tuple[CircuitGraph, CircuitGraph | None]:
+    """The circuit without what is silenced, and what its thresholds then are judged by: the whole one."""
+    return (
+        (silence(graph, scenario.silenced), yardstick or graph) if scenario.silenced else (graph, yardstick)
+    )
 
 
 def _own_circuit(scenario: Scenario) -> CircuitGraph:

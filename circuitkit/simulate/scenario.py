@@ -112,6 +112,11 @@ class Scenario(FileModel):
     gait: str = Field(description="A shipped gait, or the path of a gait file.")
     controller: str = Field(default="circuit", description="open_loop or circuit.")
     circuit: str = Field(description="The circuit of the controller named circuit: a shipped one or a path.")
+    silenced: tuple[str, ...] = Field(
+        default=(),
+        description="Neurons or inputs of the circuit that send nothing, and connections that carry nothing, "
+        "such as q1 or q1 -> p1; the thresholds stay those of the whole circuit.",
+    )
     duration: Seconds = Field(gt=0, le=3600)
     pushes: tuple[Push, ...] = ()
     faults: tuple[Fault, ...] = ()
