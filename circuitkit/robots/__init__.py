@@ -8,12 +8,16 @@ from circuitkit.robots.mujoco_robot import (
     plan_robot_walk,
     robot_channels,
 )
+from circuitkit.robots.plant import Payload, Plant, Slope
 from circuitkit.robots.spec import RobotSpec, load_robot, shipped_robots
 
 __all__ = [
     "MujocoRobot",
+    "Payload",
+    "Plant",
     "RobotModel",
     "RobotSpec",
+    "Slope",
     "body_number",
     "build_model",
     "command_units",

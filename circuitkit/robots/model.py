@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from circuitkit.errors import InputError, Problem, listing, suggest
 from circuitkit.gait import LEG_JOINTS, SIDES
+from circuitkit.robots.plant import Plant
 from circuitkit.robots.sensing import SensorLayout
-from circuitkit.robots.spec import RobotSpec, Servo
+from circuitkit.robots.spec import RobotSpec
 
 _FLOOR = "floor"
 _CELL_HALF_SIZE = (
@@ -34,7 +35,7 @@ class RobotModel:
         qpos_index: Their places in `qpos`; shape (n,).
         dof_index: Their places in `qvel`; shape (n,).
         leg_index: Columns of `ctrl` of `LEG_JOINTS`; shape (10,).
-        stiffness: Of the servos, shape (n,), [N m/rad].
+        stiffness: Of the servos as they are simulated, shape (n,), [N m/rad].
         posture: Angles of all servos when the legs are straight; shape (n,), [rad].
         torso_id: Body number of the torso.
         feet_id: Body numbers of the feet, left and right.
@@ -58,17 +59,19 @@ class RobotModel:
         return float(self.model.body_subtreemass[self.torso_id])
 
 
-def build_model(spec: RobotSpec, friction: float | None = None, *, looks: bool = False) -> RobotModel:
+def build_model(spec: RobotSpec, plant: Plant | None = None, *, looks: bool = False) -> RobotModel:
     """Load the MJCF and add floor, servos and sensors.
 
     Args:
         spec: The robot file.
+        plant: How it differs from that; not at all if None.
         looks: Keep geoms that are only seen; physics is the same to the last bit without them, and faster.
-        friction: Sliding friction of the floor; the soles' own if None.
 
     Raises:
         InputError: The MJCF cannot be read, or lacks parts that the robot file names; lists them all.
+        UnknownNameError: The plant loads a body that the MJCF does not have.
     """
+    plant = Plant() if plant is None else plant
     path = spec.mjcf_path
     if not path.is_file():
         raise InputError(Problem(str(path), 1, 1, "mjcf", "no such file; allowed: the path of an MJCF file"))
@@ -80,13 +83,14 @@ def build_model(spec: RobotSpec, friction: float | None = None, *, looks: bool =
     mj.compiler.discardvisual = not looks
     _take_out(mj)
     try:
-        _add_floor(mj, spec, friction)
-        servos = _add_servos(mj, spec)
+        _add_floor(mj, spec, plant.friction)
+        servos = _add_servos(mj, spec, plant.servo_stiffness)
         layout = _add_sensors(mj, spec)
         model = mj.compile()
     except ValueError as error:
         raise InputError(Problem(str(path), 1, 1, "", f"MuJoCo refuses the model: {error}")) from error
 
+    plant.change(model)
     joints = [model.joint(name) for name in servos]
     posture = np.zeros(len(joints))
     for name, angle in spec.posture.items():
@@ -99,7 +103,7 @@ def build_model(spec: RobotSpec, friction: float | None = None, *, looks: bool =
         qpos_index=np.array([joint.qposadr[0] for joint in joints]),
         dof_index=np.array([joint.dofadr[0] for joint in joints]),
         leg_index=np.array([list(servos).index(spec.joints[role]) for role in LEG_JOINTS]),
-        stiffness=np.array([servo.stiffness for servo in servos.values()]),
+        stiffness=np.array(list(servos.values())),
         posture=posture,
         torso_id=model.body(spec.torso).id,
         feet_id=(model.body(spec.feet.left.body).id, model.body(spec.feet.right.body).id),
@@ -164,8 +168,8 @@ def _add_floor(mj: Any, spec: RobotSpec, friction: float | None) -> None:  # noq
         sole.contype, sole.conaffinity = 0, 1
 
 
-def _add_servos(mj: Any, spec: RobotSpec) -> dict[str, Servo]:  # noqa: ANN401 - MjSpec is not typed
-    """A position servo for every hinge, from the profile in use; returns which servo each joint has."""
+def _add_servos(mj: Any, spec: RobotSpec, factor: float) -> dict[str, float]:  # noqa: ANN401 - MjSpec is not typed
+    """A position servo for every hinge, `factor` times as stiff as in the profile; returns how stiff."""
     profile = spec.servo_profiles[spec.servo_profile]
     servos = {}
     for joint in mj.joints:
@@ -177,10 +181,10 @@ def _add_servos(mj: Any, spec: RobotSpec) -> dict[str, Servo]:  # noqa: ANN401 -
             message = f"no servo for the joint '{joint.name}'; allowed: patterns that match every joint"
             raise InputError(Problem(str(spec.mjcf_path), 1, 1, where, message))
         actuator = mj.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
+        actuator.set_to_position(kp=servo.stiffness * factor, kv=servo.damping)
         actuator.forcelimited = True
         actuator.forcerange = [-servo.torque, servo.torque]
-        servos[joint.name] = servo
+        servos[joint.name] = servo.stiffness * factor
     return servos
 
 

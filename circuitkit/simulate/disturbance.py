@@ -162,3 +162,17 @@ def fault_values(faults: Sequence[Fault], walk: Walk, robot: RobotModel) -> dict
             row = factors.setdefault(tick, np.ones(len(cells)))
             row[cells.index(fault.cell)] = np.nan if fault.reading == "missing" else 0.0
     return factors
+
+
+def delay_ticks(delay_s: float, walk: Walk) -> int:
+    """How many ticks old a reading is.
+
+    Raises:
+        InputError: It is no whole number of control steps.
+    """
+    dt = walk.gait.control_step
+    ticks = round(delay_s / dt)
+    if abs(delay_s - ticks * dt) > 1e-9:  # noqa: PLR2004 - rounding
+        message = f"found {delay_s * 1e3:g} ms; allowed: a multiple of the control step of {dt * 1e3:g} ms"
+        raise InputError(Problem("", 0, 0, "sensor_delay", message))
+    return ticks

@@ -28,7 +28,7 @@ class Setup:
     """Everything that a run needs, made beforehand.
 
     Attributes:
-        robot: What walks.
+        robot: What walks, as it is simulated.
         walk: The walk.
         targets: Of its servos; shape (T, n).
         controller: What adds to the walk.
@@ -37,6 +37,7 @@ class Setup:
         fates: The same as arrays.
         cell_factors: For ticks with a fault, what force cells let through.
         yardstick: The circuit whose thresholds count if this one has none.
+        delay: How many ticks old is what the controller reads.
     """
 
     robot: RobotModel
@@ -48,6 +49,7 @@ class Setup:
     fates: Fates
     cell_factors: dict[int, Array]
     yardstick: CircuitGraph | None = None
+    delay: int = 0
 
 
 def has_fallen(readings: Array, robot: RobotModel, first: Array) -> NDArray[np.bool_]:
@@ -139,7 +141,7 @@ def _start(setup: Setup, threads: int | None, *, keep: bool) -> tuple[MujocoRobo
 
 def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]:
     """Do one tick after the other; yields how many are done."""
-    sense = _Senses(setup, robot)
+    sense = _sense(setup, robot)
     control, advance = setup.controller.step, robot.advance
     readings, qpos = robot.readings, robot.qpos
     first = readings.copy()
@@ -195,3 +197,20 @@ class _Senses:
             observation[...] = self._observer.where_some_are_missing(self._seen)
         else:
             self._observe(observation)
+
+
+def _sense(setup: Setup, robot: MujocoRobot) -> Callable[[int, Array], object]:
+    """What writes the channels that the controller reads at a tick: those of now, or of some ticks ago.
+
+    Before there is anything so old, it reads what was there at first.
+    """
+    senses = _Senses(setup, robot)
+    if setup.delay == 0:
+        return senses
+    past = np.empty((setup.delay + 1, robot.batch, len(setup.controller.observations)))
+
+    def sense(tick: int, observation: Array) -> None:
+        senses(tick, past[tick % len(past)])
+        observation[...] = past[max(tick - setup.delay, 0) % len(past)]
+
+    return sense

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.robots import Plant
 from circuitkit.source import Document, FileModel, find_data_file, place_text, read_yaml, validate_model
 from circuitkit.source.fields import MetresPerSecond, Newtons, Ratio, Seconds
 from circuitkit.units import parse_quantity
@@ -110,7 +111,9 @@ class Scenario(FileModel):
         default=None, description="A servo profile of the robot; its own if absent."
     )
     gait: str = Field(description="A shipped gait, or the path of a gait file.")
-    controller: str = Field(default="circuit", description="open_loop or circuit.")
+    controller: str = Field(
+        default="circuit", description="open_loop, circuit, or the name or path of a controller file."
+    )
     circuit: str = Field(description="The circuit of the controller named circuit: a shipped one or a path.")
     silenced: tuple[str, ...] = Field(
         default=(),
@@ -122,6 +125,12 @@ class Scenario(FileModel):
     faults: tuple[Fault, ...] = ()
     sensor_noise: SensorNoise = SensorNoise()
     jitter: Jitter = Jitter()
+    plant: Plant = Field(
+        default=Plant(), description="How robot and floor differ from those that the walk is planned for."
+    )
+    sensor_delay: Seconds = Field(
+        default=0.0, ge=0, description="What the controller reads is this old; whole control steps."
+    )
     seed: int = Field(default=0, ge=0)
     thresholds: Thresholds
 

@@ -34,10 +34,15 @@ _TEXT = {"anyOf": [{"type": "number"}, {"type": "string"}]}
 Metres = Annotated[float, BeforeValidator(_reader("m", "80 mm")), WithJsonSchema(_TEXT)]
 Radians = Annotated[float, BeforeValidator(_reader("rad", "33 deg")), WithJsonSchema(_TEXT)]
 Seconds = Annotated[float, BeforeValidator(_reader("s", "200 ms")), WithJsonSchema(_TEXT)]
+Kilograms = Annotated[float, BeforeValidator(_reader("kg", "0.3 kg")), WithJsonSchema(_TEXT)]
 Newtons = Annotated[float, BeforeValidator(_reader("N", "20 N")), WithJsonSchema(_TEXT)]
 MetresPerSecond = Annotated[float, BeforeValidator(_reader("m/s", "2 cm/s")), WithJsonSchema(_TEXT)]
 RadiansPerSecond = Annotated[float, BeforeValidator(_reader("rad/s", "1 deg/s")), WithJsonSchema(_TEXT)]
 NewtonMetres = Annotated[float, BeforeValidator(_reader("N*m", "14.8 N*m")), WithJsonSchema(_TEXT)]
 Stiffness = Annotated[float, BeforeValidator(_reader("N*m/rad", "100 N*m/rad")), WithJsonSchema(_TEXT)]
 Damping = Annotated[float, BeforeValidator(_reader("N*m*s/rad", "3.55 N*m*s/rad")), WithJsonSchema(_TEXT)]
+RadiansPerMetre = Annotated[float, BeforeValidator(_reader("rad/m", "8 rad/m")), WithJsonSchema(_TEXT)]
+RadianSecondsPerMetre = Annotated[
+    float, BeforeValidator(_reader("rad*s/m", "0.2 rad*s/m")), WithJsonSchema(_TEXT)
+]
 Ratio = Annotated[float, BeforeValidator(_reader("1", "20 %")), WithJsonSchema(_TEXT)]

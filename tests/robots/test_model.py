@@ -11,7 +11,7 @@ from robots.nao_files import shipped_file, shipped_mjcf, write_robot
 from walking import NAO_LEG_JOINTS, nao
 
 from circuitkit.errors import InputError
-from circuitkit.robots import build_model, load_robot
+from circuitkit.robots import Plant, build_model, load_robot
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_the_mass_is_the_robots():
 
 def test_friction_is_that_of_floor_and_soles():
     """MuJoCo takes the larger of both, so both are set."""
-    model = build_model(load_robot("nao"), friction=0.3).model
+    model = build_model(load_robot("nao"), Plant(friction=0.3)).model
     assert {model.geom(name).friction[0] for name in ("floor", "l_sole", "r_sole")} == {0.3}
     assert {nao().model.geom(name).friction[0] for name in ("floor", "l_sole", "r_sole")} == {1.0}
 

@@ -13,7 +13,7 @@ from walking import GAITS, nao
 from circuitkit.errors import InputError, SimulationError, UnknownNameError
 from circuitkit.gait import LEG_JOINTS, load_gait
 from circuitkit.gait.lipm import zmp_from_com
-from circuitkit.robots import MujocoRobot, body_number, build_model, load_robot, plan_robot_walk
+from circuitkit.robots import MujocoRobot, Plant, body_number, build_model, load_robot, plan_robot_walk
 from circuitkit.robots.dynamics import BodyDynamics, joint_targets
 from circuitkit.robots.sensing import centre_of_pressure, total_centre_of_pressure
 
@@ -392,7 +392,7 @@ def test_a_slippery_floor_lets_the_feet_slip():
     """Friction 0.02 holds a fiftieth of the weight, 1 N: a push of 3 N moves the feet."""
     slips = []
     for friction in (None, 0.02):
-        model = build_model(load_robot("nao"), friction=friction)
+        model = build_model(load_robot("nao"), Plant(friction=friction))
         robot = MujocoRobot(model, *still())
         for tick in range(100):
             robot.push(model.torso_id, np.array([[3.0 * (tick > 50), 0.0, 0.0]]))
