@@ -41,7 +41,12 @@ def compare(
     scenario: Scenario,
     *,
     controllers: Annotated[
-        str, typer.Option("--controllers", metavar="NAME,NAME...", help="Controllers, separated by commas.")
+        str,
+        typer.Option(
+            "--controllers",
+            metavar="NAME,NAME...",
+            help="Controllers: open_loop, circuit, or controller files.",
+        ),
     ],
     circuit: Circuit = None,
     settings: Settings = None,

@@ -44,7 +44,7 @@ def simulate(
     settings: Settings = None,
     controller: Annotated[
         str | None,
-        typer.Option("--controller", metavar="NAME", help="Control with this controller, such as open_loop."),
+        typer.Option("--controller", metavar="NAME", help="Control with this: open_loop, circuit, or a controller file."),
     ] = None,
     push: Push = None,
     seed: Seed = None,

@@ -3,5 +3,18 @@
 from circuitkit.control.circuit import CircuitController
 from circuitkit.control.controller import Controller
 from circuitkit.control.open_loop import OpenLoop
+from circuitkit.control.reference import Body, Footstep, WalkReference, walk_reference
+from circuitkit.control.spec import ControllerSpec, load_controller, shipped_controllers
 
-__all__ = ["CircuitController", "Controller", "OpenLoop"]
+__all__ = [
+    "Body",
+    "CircuitController",
+    "Controller",
+    "ControllerSpec",
+    "Footstep",
+    "OpenLoop",
+    "WalkReference",
+    "load_controller",
+    "shipped_controllers",
+    "walk_reference",
+]

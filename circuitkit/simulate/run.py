@@ -7,13 +7,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
 from circuitkit.circuit.authoring.settings import resolve_with
 from circuitkit.circuit.silencing import silence
-from circuitkit.control import CircuitController, Controller, OpenLoop
+from circuitkit.control import (
+    Body,
+    CircuitController,
+    Controller,
+    ControllerSpec,
+    OpenLoop,
+    WalkReference,
+    load_controller,
+    shipped_controllers,
+    walk_reference,
+)
 from circuitkit.errors import InputError, MissingDependencyError, Problem, UnknownNameError
-from circuitkit.gait import Walk, load_gait
+from circuitkit.gait import LEG_JOINTS, SIDES, GaitSpec, Walk, load_gait
 from circuitkit.robots import (
+    Plant,
     RobotModel,
     build_model,
     command_units,
@@ -21,7 +34,7 @@ from circuitkit.robots import (
     plan_robot_walk,
     robot_channels,
 )
-from circuitkit.simulate.disturbance import Trial, draw_fates, fault_values
+from circuitkit.simulate.disturbance import Trial, delay_ticks, draw_fates, fault_values
 from circuitkit.simulate.loop import Setup, run_loop
 from circuitkit.simulate.recording import Recording
 from circuitkit.simulate.scenario import Push, Scenario, load_scenario, parse_push
@@ -34,12 +47,13 @@ class Plan:
 
     Attributes:
         scenario: The scenario.
-        robot: The robot.
+        robot: The robot as it is known: what the walk is planned for and a controller may build on.
         walk: The walk.
         targets: What its servos are sent; shape (T, n).
         circuit: The circuit.
         yardstick: The circuit whose thresholds count if this one has none: that of the scenario.
         backend: What runs the circuit; see `compile_circuit`.
+        plant: The robot as it is simulated, if it differs.
     """
 
     scenario: Scenario
@@ -49,20 +63,42 @@ class Plan:
     circuit: CircuitGraph
     yardstick: CircuitGraph | None = None
     backend: str = "auto"
+    plant: RobotModel | None = None
 
-    def controller(self, name: str) -> Controller:
-        """A controller by its name.
+    def controller(self, name: str | ControllerSpec) -> Controller:
+        """A controller.
+
+        Args:
+            name: `open_loop`, `circuit`, the name or path of a controller file, or what was read from one.
 
         Raises:
             UnknownNameError: There is none of this name.
-            InputError: The circuit does not fit the robot.
+            InputError: The circuit does not fit the robot, or the controller file is wrong.
+            MissingDependencyError: The controller needs a package that is an extra.
         """
-        if name not in CONTROLLERS:
+        if not isinstance(name, str):
+            return name.build(self.reference())
+        if name in CONTROLLERS:
+            return CONTROLLERS[name](self)
+        file = self.scenario.file(name)
+        if _is_bare(file) and file not in shipped_controllers():
             kind = "controller"
-            raise UnknownNameError(kind, name, CONTROLLERS)
-        return CONTROLLERS[name](self)
+            raise UnknownNameError(kind, name, (*CONTROLLERS, *shipped_controllers()))
+        return load_controller(file).build(self.reference())
 
-    def setup(self, controller: str, trials: Sequence[Trial]) -> Setup:
+    def reference(self) -> WalkReference:
+        """What a controller may know of the walk and of the robot beforehand."""
+        legs = self.robot.spec.legs.geometry()
+        soles = [getattr(self.robot.spec.feet, side).sole for side in SIDES]
+        extent = [[[sole.back, sole.front], [sole.right, sole.left]] for sole in soles]
+        ankle = [LEG_JOINTS.index(f"left_ankle_{name}") for name in ("pitch", "roll")]
+        servo = self.robot.leg_index[ankle]
+        stiffness = self.robot.stiffness[servo]
+        damping = -self.robot.model.actuator_biasprm[servo, 2]
+        body = Body(self.robot.mass_kg, legs, np.array(extent), stiffness, damping / stiffness)
+        return walk_reference(self.walk, body)
+
+    def setup(self, controller: str | ControllerSpec, trials: Sequence[Trial]) -> Setup:
         """A run of several robots under one controller.
 
         Raises:
@@ -75,8 +111,10 @@ class Plan:
                 trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise.force_cells
             )
             factors = fault_values(scenario.faults, self.walk, self.robot)
+        with scenario.located("sensor_delay"):
+            delay = delay_ticks(scenario.sensor_delay, self.walk)
         return Setup(
-            robot=self.robot,
+            robot=self.plant or self.robot,
             walk=self.walk,
             targets=self.targets,
             controller=adds,
@@ -85,7 +123,14 @@ class Plan:
             fates=fates,
             cell_factors=factors,
             yardstick=self.yardstick,
+            delay=delay,
         )
+
+
+def _is_bare(name: str) -> bool:
+    """Whether a name has no folder and no suffix, and is no file of the working folder."""
+    path = Path(name)
+    return not path.suffix and len(path.parts) == 1 and not path.is_file()
 
 
 def _circuit_controller(plan: Plan) -> Controller:
@@ -160,17 +205,35 @@ def make_plan(
     """
     with scenario.located("gait"):
         gait = load_gait(scenario.file(scenario.gait))
+    graph, yardstick = load_graphs(scenario, circuit, settings)
+    body = prepare_walk(scenario, gait)
+    return Plan(scenario, body.robot, body.walk, body.targets, graph, yardstick, backend, body.plant)
+
+
+@dataclass(frozen=True)
+class PreparedWalk:
+    """The part of a plan that does not depend on who controls; see `Plan`."""
+
+    robot: RobotModel
+    plant: RobotModel | None
+    walk: Walk
+    targets: Any
+
+
+def prepare_walk(scenario: Scenario, gait: GaitSpec) -> PreparedWalk:
+    """Build the robot of a scenario and plan its walk; depends on robot, servos, plant and duration.
+
+    Raises:
+        InputError: A file is wrong or missing.
+        SimulationError: A leg cannot reach its foot.
+    """
     with scenario.located("robot"):
         spec = load_robot(scenario.file(scenario.robot))
     with scenario.located("servo_profile"):
-        robot = build_model(spec.with_servos(scenario.servo_profile))
-    with scenario.located("circuit"):
-        file = load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit)
-        graph = resolve_with(file, settings or {})
-        yardstick = None if circuit is None or _has_thresholds(graph, scenario) else _own_circuit(scenario)
-        threshold_lines(yardstick or graph, scenario.thresholds)
-    with scenario.located("silenced"):
-        graph, yardstick = _lesioned(graph, yardstick, scenario)
+        spec = spec.with_servos(scenario.servo_profile)
+        robot = build_model(spec)
+    with scenario.located("plant.payload.body"):
+        plant = None if scenario.plant == Plant() else build_model(spec, scenario.plant)
     ticks = round(scenario.duration / gait.control_step)
     with scenario.located("duration"):
         if ticks == 0:
@@ -179,7 +242,24 @@ def make_plan(
             raise InputError(Problem("", 0, 0, "duration", message))
     with scenario.located("gait"):
         walk, targets = plan_robot_walk(robot, gait, ticks)
-    return Plan(scenario, robot, walk, targets, graph, yardstick, backend)
+    return PreparedWalk(robot, plant, walk, targets)
+
+
+def load_graphs(
+    scenario: Scenario, circuit: str | Path | None = None, settings: Mapping[str, str] | None = None
+) -> tuple[CircuitGraph, CircuitGraph | None]:
+    """The circuit of a scenario, or another one in its place, and the yardstick; see `Plan`.
+
+    Raises:
+        InputError: A file is wrong or missing.
+    """
+    with scenario.located("circuit"):
+        file = load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit)
+        graph = resolve_with(file, settings or {})
+        yardstick = None if circuit is None or _has_thresholds(graph, scenario) else _own_circuit(scenario)
+        threshold_lines(yardstick or graph, scenario.thresholds)
+    with scenario.located("silenced"):
+        return _lesioned(graph, yardstick, scenario)
 
 
 def _lesioned(
@@ -222,7 +302,7 @@ def simulate(
 
     Args:
         scenario: A scenario, its path, or the name of a shipped one.
-        controller: `open_loop` or `circuit`; the scenario's own by default.
+        controller: `open_loop`, `circuit`, or a controller file; the scenario's own by default.
         circuit: A circuit to use instead of the scenario's.
         settings: Values of the circuit that take the place of its file's, such as `{"w": "2 deg"}`.
         backend: What runs the circuit; see `compile_circuit`.
@@ -266,7 +346,7 @@ def compare(
 
     Args:
         scenario: A scenario, its path, or the name of a shipped one.
-        controllers: Names, such as `open_loop` and `circuit`.
+        controllers: Names, such as `open_loop` and `circuit`, or controller files.
         circuit: A circuit to use instead of the scenario's.
         settings: Values of the circuit that take the place of its file's, such as `{"w": "2 deg"}`.
         backend: What runs the circuit; see `compile_circuit`.
@@ -286,7 +366,7 @@ def compare(
         plan.controller(name)
     results = []
     for name in controllers:
-        folder = None if output is None else Path(output) / name
+        folder = None if output is None else Path(output) / Path(name).stem
         results.append(_run(plan, name, push, seed, folder, progress=progress))
         if results[-1].recording.interrupted:
             break

@@ -12,9 +12,17 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
 from circuitkit.robots import Plant
-from circuitkit.source import Document, FileModel, find_data_file, place_text, read_yaml, validate_model
-from circuitkit.source.fields import MetresPerSecond, Newtons, Ratio, Seconds
-from circuitkit.units import parse_quantity
+from circuitkit.source import (
+    Document,
+    FileModel,
+    describe,
+    find_data_file,
+    place_text,
+    read_yaml,
+    validate_model,
+)
+from circuitkit.source.fields import Metres, MetresPerSecond, Newtons, Ratio, Seconds
+from circuitkit.units import parse_quantity, parse_unit
 
 _FOLDER = "sims"
 
@@ -29,12 +37,20 @@ SIDEWAYS = ("inward", "outward")
 
 
 def _direction(value: object) -> object:
-    allowed = (*DIRECTIONS, *SIDEWAYS)
-    if value not in allowed:
-        hint = suggest(str(value), allowed)
-        message = f"unknown direction '{value}'; allowed: {listing(allowed)}{'; ' if hint else ''}{hint}"
-        raise ValueError(message)
-    return value
+    words = (*DIRECTIONS, *SIDEWAYS)
+    if value in words or (isinstance(value, str) and _is_angle(value)):
+        return value
+    hint = suggest(str(value), words)
+    allowed = f"{listing(words)}, or an angle such as '15 deg'"
+    message = f"unknown direction {describe(value)}; allowed: {allowed}{'; ' if hint else ''}{hint}"
+    raise ValueError(message)
+
+
+def _is_angle(text: str) -> bool:
+    try:
+        return parse_quantity(text).dimension == parse_unit("rad").dimension
+    except UnitError:
+        return False
 
 
 class Start(FileModel):
@@ -53,19 +69,24 @@ class Push(FileModel):
     )
     force: Newtons = Field(ge=0)
     direction: Annotated[str, BeforeValidator(_direction)] = Field(
-        description="forward, backward, left, right, inward (towards the lifted foot) or outward."
+        description="forward, backward, left, right, inward (towards the lifted foot), outward or an angle: "
+        "0 deg is forward, 90 deg to the left."
     )
     duration: Seconds = Field(gt=0)
+    height: Metres = Field(
+        default=0.0,
+        description="Where it acts: so far above the body's centre of mass, or below if negative.",
+    )
     start: Start
 
 
 class Fault(FileModel):
-    """A force cell that fails for a while."""
+    """A force cell that fails, for a while or for the whole run."""
 
     cell: str = Field(description="Name of the force cell.")
     reading: Literal["missing", "zero"] = Field(description="Not a number, or zero.")
-    start: Seconds = Field(ge=0)
-    duration: Seconds = Field(gt=0)
+    start: Seconds = Field(default=0.0, ge=0)
+    duration: Seconds | None = Field(default=None, gt=0, description="To the end of the run if absent.")
 
 
 class SensorNoise(FileModel):

@@ -12,6 +12,7 @@ from simulate.test_scenario import TEXT, written
 from walking import assert_same_bits, scenario
 
 import circuitkit
+from circuitkit.control import shipped_controllers
 from circuitkit.errors import InputError, UnknownNameError, listing
 from circuitkit.robots import load_robot
 from circuitkit.simulate import compare, load_scenario, loop, make_plan, pictures, simulate, watch
@@ -171,15 +172,16 @@ def test_an_unknown_gait(mine):
 def test_an_unknown_controller(mine):
     with pytest.raises(UnknownNameError) as caught:
         simulate(mine(), controller="mcp")
-    assert str(caught.value) == "unknown controller 'mcp'; allowed: open_loop, circuit"
+    names = ", ".join(shipped_controllers())
+    assert str(caught.value).startswith(f"unknown controller 'mcp'; allowed: open_loop, circuit, {names}")
     with pytest.raises(UnknownNameError):
         compare(mine(), ["open_loop", "circuits"])
 
 
 def test_an_unknown_controller_in_the_file(mine):
     assert complaints(mine(("robot: nao", "robot: nao\ncontroller: open_lop"))) == (
-        "mine.yaml:3:13: controller: unknown controller 'open_lop'; allowed: open_loop, circuit; "
-        "did you mean 'open_loop'?"
+        "mine.yaml:3:13: controller: unknown controller 'open_lop'; allowed: open_loop, circuit, "
+        f"{', '.join(shipped_controllers())}; did you mean 'open_loop'?"
     )
 
 

@@ -1,0 +1,77 @@
+"""What a controller knows of the walk: the plan's own numbers, a point mass that obeys eq. 2, real soles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from walking import plan_of
+
+from circuitkit.gait import LEFT, RIGHT
+from circuitkit.gait.lipm import zmp_from_com
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return plan_of(gait="gait_walk_2cm", duration=5.0)
+
+
+@pytest.fixture(scope="module")
+def reference(plan):
+    return plan.reference()
+
+
+def test_it_is_the_walks_own_plan_and_goes_on_after_its_end(plan, reference):
+    ticks = plan.walk.ticks
+    for name in ("zmp_m", "left_load", "phase", "support", "feet_x_m"):
+        np.testing.assert_allclose(
+            getattr(reference.schedule, name)[:ticks], getattr(plan.walk.schedule, name), atol=1e-12
+        )
+    assert len(reference.com_m) == len(reference.low_m) == ticks + 300
+
+
+def test_the_point_mass_has_the_zmp_of_the_plan(reference):
+    dt, height = reference.step_s, reference.com_height_m
+    acceleration = np.diff(reference.com_m, 2, axis=0) / dt**2
+    zmp = zmp_from_com(reference.com_m[1:-1], acceleration, height)
+    np.testing.assert_allclose(zmp, reference.zmp_m[1:-1], atol=1e-9)
+    np.testing.assert_allclose(reference.com_acceleration[1:-1], acceleration, atol=1e-7)
+
+
+def test_the_dcm_runs_away_from_the_zmp(reference):
+    """Xi' = omega (xi - p); between two ticks exactly where p keeps still."""
+    still = np.abs(np.diff(reference.zmp_m[:, 1])) < 1e-12
+    still = still[1:] & still[:-1]
+    inner = slice(1, -1)
+    rate = (reference.dcm_m[2:, 1] - reference.dcm_m[:-2, 1]) / (2 * reference.step_s)
+    expected = reference.omega * (reference.dcm_m - reference.zmp_m)[inner, 1]
+    np.testing.assert_allclose(rate[2:-2][still[2:-2]], expected[2:-2][still[2:-2]], atol=2e-3)
+
+
+def test_support_is_one_sole_in_single_support_and_from_sole_to_sole_in_double_support(reference):
+    first, second = reference.footsteps[4:6]
+    assert (first.side, second.side) == (LEFT, RIGHT)
+    left = first.first_tick + 5
+    np.testing.assert_allclose([reference.low_m[left, 1], reference.high_m[left, 1]], [0.0112, 0.1])
+    np.testing.assert_allclose(
+        [reference.low_m[left, 0], reference.high_m[left, 0]],
+        [first.ankle_m[0] - 0.0507, first.ankle_m[0] + 0.0994],
+    )
+    between = (first.last_tick + second.first_tick) // 2
+    np.testing.assert_allclose([reference.low_m[between, 1], reference.high_m[between, 1]], [-0.1, 0.1])
+
+
+def test_footsteps_alternate_and_go_forward(reference):
+    steps = reference.footsteps
+    assert [step.side for step in steps[:4]] == [LEFT, RIGHT, LEFT, RIGHT]
+    assert [step.ankle_m[1] for step in steps[:2]] == [0.05, -0.05]
+    np.testing.assert_allclose(np.diff([step.ankle_m[0] for step in steps]), 0.02, atol=1e-12)
+    assert all(step.last_tick - step.first_tick == 50 for step in steps[:4])
+
+
+def test_the_planned_zmp_stays_on_what_carries(reference):
+    assert (reference.low_m <= reference.zmp_m).all()
+    assert (reference.zmp_m <= reference.high_m).all()
+
+
+def test_the_com_moves_less_than_the_pelvis(reference):
+    assert 0.7 < reference.com_per_pelvis() < 0.95

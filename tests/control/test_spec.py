@@ -1,0 +1,64 @@
+"""Controller files: what ships can be read, mistakes are named at their place."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from walking import plan_of
+
+from circuitkit.control import Controller, load_controller, shipped_controllers
+from circuitkit.control.spec import KINDS
+from circuitkit.errors import InputError
+
+
+@pytest.mark.parametrize("name", shipped_controllers())
+def test_every_shipped_file_is_named_after_itself_and_builds(name):
+    spec = load_controller(name)
+    assert spec.controller == name
+    controller: Controller = plan_of(duration=1.5).controller(name)
+    assert controller.name == name
+    controller.reset(2)
+
+
+def test_every_kind_is_found_by_its_name():
+    assert KINDS["dcm_ankle"].__name__ == "DcmAnkleSpec"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "controller: own\nkind: dcm_ankel\n",
+            "2:7: kind: unknown kind 'dcm_ankel'; allowed: KINDS; did you mean 'dcm_ankle'?",
+        ),
+        (
+            "controller: own\nkind: dcm_ankle\nproportional: 8 rad/m\nlimti: 15 deg\n",
+            "4:1: limti: unknown key 'limti'; allowed: axes, controller, derivative, derivative_filter, "
+            "description, kind, limit, proportional, reference_delay; did you mean 'limit'?",
+        ),
+        (
+            "controller: own\nkind: dcm_ankle\nproportional: 8 deg\nlimit: 15 deg\n",
+            "3:15: proportional: found '8 deg', which is angle; allowed: a quantity such as '8 rad/m'",
+        ),
+    ],
+)
+def test_mistakes_are_told_with_line_and_column(tmp_path, text, message):
+    path = tmp_path / "own.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=re.escape(message.replace("KINDS", ", ".join(KINDS)))):
+        load_controller(path)
+
+
+def test_values_can_be_changed_and_are_checked_like_the_files():
+    assert load_controller("dcm_ankle", {"limit": "0.1 rad"}).limit == 0.1
+    with pytest.raises(InputError, match="unknown key 'limti'"):
+        load_controller("dcm_ankle", {"limti": "1 deg"})
+
+
+def test_an_unknown_controller_is_told_with_built_ins_and_files():
+    message = (
+        f"unknown controller 'dcm_ancle'; allowed: open_loop, circuit, {', '.join(shipped_controllers())}"
+    )
+    with pytest.raises(InputError, match=re.escape(message) + "; did you mean 'dcm_ankle'"):
+        plan_of(duration=1.5).controller("dcm_ancle")
