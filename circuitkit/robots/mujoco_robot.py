@@ -114,9 +114,17 @@ class MujocoRobot:
         """Velocity of the torso, forward and left; shape (B, 2), [m/s]."""
         self._qvel[:, :2] = velocity
 
-    def push(self, body: int, force: Array) -> None:
-        """Push a body at its centre of mass from now on; shape (B, 3), [N], world frame."""
+    def push(self, body: int, force: Array, torque: Array | None = None) -> None:
+        """Push a body from now on, with forces at its centre of mass and torques; world frame.
+
+        Args:
+            body: Its number.
+            force: Shape (B, 3), [N].
+            torque: Shape (B, 3), [N m]; as it was if None.
+        """
         self._force[:, body, :3] = force
+        if torque is not None:
+            self._force[:, body, 3:] = torque
 
     def advance(self, tick: int, commands: Array) -> None:
         """Send the targets of a tick plus the commands, and let one control step pass.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from circuitkit.gait import LEFT, PHASES, Walk
 from circuitkit.gait.schedule import plan_steps
 from circuitkit.robots import RobotModel, body_number
 from circuitkit.simulate.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push
+from circuitkit.units import parse_quantity
 
 Array = NDArray[np.float64]
 
@@ -37,12 +40,14 @@ class BodyPush:
     Attributes:
         body: Number of the body.
         first_tick: Tick of the first row.
-        forces: Shape (t, B, 3), [N]; the last row is zero.
+        forces: At its centre of mass; shape (t, B, 3), [N]; the last row is zero.
+        torques: What comes with them if they act elsewhere, r x F; shape (t, B, 3), [N m]; None without.
     """
 
     body: int
     first_tick: int
     forces: Array
+    torques: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,7 @@ def draw_fates(
     windows = np.full((len(trials), 2), np.nan)
     velocity = np.zeros((len(trials), 2))
     noise = np.zeros((walk.ticks, len(trials), cells)) if noise_n > 0 else None
-    by_body: dict[int, list[tuple[int, float, float, Array]]] = {}
+    by_body: dict[int, list[_Acting]] = {}
     for i, trial in enumerate(trials):
         rng = np.random.default_rng(trial.seed)
         shift = rng.uniform(-jitter.push_start, jitter.push_start)
@@ -86,9 +91,9 @@ def draw_fates(
             start_s, support = push_start(push, walk, number)
             start = max(start_s + shift, 0.0)
             end = start + push.duration
-            by_body.setdefault(_body(push, robot, number), []).append(
-                (i, start, end, push.force * direction_of(push.direction, support))
-            )
+            force = push.force * direction_of(push.direction, support)
+            acting = _Acting(i, start, end, force, push.height)
+            by_body.setdefault(_body(push, robot, number), []).append(acting)
             if number == 0:
                 windows[i] = start, end
     pushes = tuple(_body_push(body, entries, len(trials), dt) for body, entries in by_body.items())
@@ -103,11 +108,17 @@ def _body(push: Push, robot: RobotModel, number: int) -> int:
 
 
 def direction_of(name: str, support: int) -> Array:
-    """Unit vector of a direction, world frame; inward and outward depend on the foot that carries."""
+    """Unit vector of a direction, world frame; inward and outward depend on the foot that carries.
+
+    An angle is from forward towards the left.
+    """
     if name in SIDEWAYS:
         outward = 1.0 if support == LEFT else -1.0
         return np.array([0.0, outward if name == "outward" else -outward, 0.0])
-    return np.array(DIRECTIONS[name])
+    if name in DIRECTIONS:
+        return np.array(DIRECTIONS[name])
+    angle = parse_quantity(name).value_si
+    return np.array([math.cos(angle), math.sin(angle), 0.0])
 
 
 def push_start(push: Push, walk: Walk, number: int = 0) -> tuple[float, int]:
@@ -130,16 +141,29 @@ def push_start(push: Push, walk: Walk, number: int = 0) -> tuple[float, int]:
     return float(ticks[0] + moment) * gait.control_step, int(schedule.support[ticks[0]])
 
 
-def _body_push(body: int, entries: list[tuple[int, float, float, Array]], batch: int, dt: float) -> BodyPush:
+class _Acting(NamedTuple):
+    """A force on a robot's body from start to end, so far above the body's centre of mass."""
+
+    robot: int
+    start_s: float
+    end_s: float
+    force: Array
+    height_m: float
+
+
+def _body_push(body: int, entries: list[_Acting], batch: int, dt: float) -> BodyPush:
     """Forces of each tick; where a push covers a part of a tick, that part of its force acts all through."""
-    first = int(min(start for _, start, _, _ in entries) / dt)
-    last = int(np.ceil(max(end for _, _, end, _ in entries) / dt))
+    first = int(min(entry.start_s for entry in entries) / dt)
+    last = int(np.ceil(max(entry.end_s for entry in entries) / dt))
     begin = (first + np.arange(last - first + 1)) * dt
     forces = np.zeros((len(begin), batch, 3))
-    for i, start, end, force in entries:
+    torques = np.zeros_like(forces) if any(entry.height_m for entry in entries) else None
+    for i, start, end, force, height in entries:
         share = np.clip(np.minimum(end, begin + dt) - np.maximum(start, begin), 0.0, dt) / dt
         forces[:, i] += share[:, None] * force
-    return BodyPush(body, first, forces)
+        if torques is not None:
+            torques[:, i] += share[:, None] * np.cross([0.0, 0.0, height], force)
+    return BodyPush(body, first, forces, torques)
 
 
 def fault_values(faults: Sequence[Fault], walk: Walk, robot: RobotModel) -> dict[int, Array]:
@@ -156,9 +180,8 @@ def fault_values(faults: Sequence[Fault], walk: Walk, robot: RobotModel) -> dict
             where = f"faults[{number}].cell"
             raise InputError(Problem("", 0, 0, where, message, suggest(fault.cell, cells)))
         dt = walk.gait.control_step
-        for tick in range(
-            round(fault.start / dt), min(round((fault.start + fault.duration) / dt), walk.ticks)
-        ):
+        end = walk.ticks if fault.duration is None else round((fault.start + fault.duration) / dt)
+        for tick in range(round(fault.start / dt), min(end, walk.ticks)):
             row = factors.setdefault(tick, np.ones(len(cells)))
             row[cells.index(fault.cell)] = np.nan if fault.reading == "missing" else 0.0
     return factors

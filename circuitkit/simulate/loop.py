@@ -154,8 +154,9 @@ def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]
             sense(tick, observation)
         record.commands[tick] = commands = control(observation, record.trace[tick])
         for push in pushes:
-            if 0 <= tick - push.first_tick < len(push.forces):
-                robot.push(push.body, push.forces[tick - push.first_tick])
+            row = tick - push.first_tick
+            if 0 <= row < len(push.forces):
+                robot.push(push.body, push.forces[row], None if push.torques is None else push.torques[row])
         advance(tick, commands)
         record.readings[tick] = readings
         record.qpos[tick] = qpos

@@ -11,8 +11,15 @@ from walking import a_push, fault, nao
 from circuitkit.errors import InputError
 from circuitkit.gait import LEFT, RIGHT, load_gait, plan_walk
 from circuitkit.gait.schedule import EXTEND, LIFT, TRANSFER
-from circuitkit.simulate.disturbance import Trial, direction_of, draw_fates, fault_values, push_start
-from circuitkit.simulate.scenario import Jitter
+from circuitkit.simulate.disturbance import (
+    Trial,
+    delay_ticks,
+    direction_of,
+    draw_fates,
+    fault_values,
+    push_start,
+)
+from circuitkit.simulate.scenario import Fault, Jitter
 
 LEGS = nao().spec.legs.geometry()
 WALK = plan_walk(load_gait("gait_march"), LEGS, 400)[0]  # 1 s of standing, then five steps and a half
@@ -107,6 +114,37 @@ def test_inward_is_towards_the_foot_in_the_air():
 def test_other_directions_are_those_of_the_world(name, vector):
     for support in (LEFT, RIGHT, -1):
         np.testing.assert_array_equal(direction_of(name, support), vector)
+
+
+@pytest.mark.parametrize(
+    ("angle", "vector"),
+    [
+        ("0 deg", [1, 0]),
+        ("90 deg", [0, 1]),
+        ("-90 deg", [0, -1]),
+        ("30deg", [0.75**0.5, 0.5]),
+        ("1 rad", [np.cos(1), np.sin(1)]),
+    ],
+)
+def test_an_angle_goes_from_forward_to_the_left(angle, vector):
+    np.testing.assert_allclose(direction_of(angle, LEFT), [*vector, 0], atol=1e-15)
+
+
+@given(
+    force=st.floats(1, 60),
+    height=st.floats(-0.2, 0.2),
+    direction=st.sampled_from(["inward", "forward", "37 deg", "-100 deg"]),
+)
+def test_a_push_above_the_centre_of_mass_has_the_torque_of_its_lever(force, height, direction):
+    """Force and torque together are a force along a line so far above; another one at the centre adds up."""
+    low = a_push(force=5.0, direction="left")
+    (push,) = fates(Trial(0, (low, a_push(force=force, height=height, direction=direction)))).pushes
+    away = 0.2 * force * direction_of(direction, LEFT)
+    np.testing.assert_allclose(push.forces[:, 0].sum(axis=0) * 0.01, away + np.array([0, 1, 0]), atol=1e-9)
+    turn = np.zeros((1, 3)) if push.torques is None else push.torques[:, 0].sum(axis=0) * 0.01
+    np.testing.assert_allclose(np.squeeze(turn), [-height * away[1], height * away[0], 0], atol=1e-9)
+    assert (push.torques is None) == (height == 0)
+    assert push.torques is None or not push.torques[-1].any()
 
 
 @given(
@@ -229,6 +267,21 @@ def test_a_fault_covers_its_ticks_and_its_cell():
 def test_a_fault_ends_with_the_walk():
     factors = fault_values([fault(start=3.9, duration=9.0)], WALK, nao())
     assert sorted(factors) == list(range(390, 400))
+
+
+def test_a_dead_cell_is_dead_from_the_first_tick_to_the_last():
+    factors = fault_values([Fault(cell="LFsrRL", reading="zero")], WALK, nao())
+    assert sorted(factors) == list(range(WALK.ticks))
+    np.testing.assert_array_equal([factors[0], factors[399]], [[1, 1, 0, 1, 1, 1, 1, 1]] * 2)
+
+
+def test_a_delay_is_a_whole_number_of_control_steps():
+    assert [delay_ticks(delay, WALK) for delay in (0.0, 0.01, 0.03, 0.29)] == [0, 1, 3, 29]
+    with pytest.raises(InputError) as caught:
+        delay_ticks(0.025, WALK)
+    assert str(caught.value) == (
+        "sensor_delay: found 25 ms; allowed: a multiple of the control step of 10 ms"
+    )
 
 
 def test_a_fault_on_a_cell_that_does_not_exist_is_refused():

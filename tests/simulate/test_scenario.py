@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import yaml
 from walking import scenario
 
 from circuitkit.errors import InputError
+from circuitkit.robots import Payload, Plant
 from circuitkit.simulate import load_scenario, parse_push
 from circuitkit.source import data_files
 
@@ -27,6 +29,7 @@ pushes:
     start: {step: 1, phase: lift, at: 20 %}
 faults:
   - {cell: LFsrFL, reading: missing, start: 1 s, duration: 100 ms}
+seed: 0
 sensor_noise: {force_cells: 0.2 N}
 jitter: {push_start: 20 ms, base_velocity: 1 cm/s}
 thresholds:
@@ -61,6 +64,39 @@ def test_a_scenario_is_read_in_si_units(tmp_path):
     assert (found.jitter.push_start, found.jitter.base_velocity) == pytest.approx((0.02, 0.01))
 
 
+def test_a_plant_is_read_in_si_units(tmp_path):
+    plant = """\
+sensor_delay: 20 ms
+plant:
+  friction: 0.4
+  mass: 110 %
+  payload: {body: r_wrist, mass: 300 g}
+  servo_stiffness: 70 %
+  slope: {forward: 3 deg, left: -1 deg}
+"""
+    found = load_scenario(written(tmp_path, TEXT + plant))
+    assert found.sensor_delay == pytest.approx(0.02)
+    assert (found.plant.friction, found.plant.mass, found.plant.servo_stiffness) == pytest.approx(
+        (0.4, 1.1, 0.7)
+    )
+    assert found.plant.payload == Payload(body="r_wrist", mass="0.3 kg")
+    assert found.plant.slope.forward == pytest.approx(math.radians(3))
+    assert found.plant.slope.left == pytest.approx(math.radians(-1))
+
+
+def test_a_fault_without_times_lasts_for_the_whole_run(tmp_path):
+    text = TEXT.replace("reading: missing, start: 1 s, duration: 100 ms", "reading: zero")
+    (found,) = load_scenario(written(tmp_path, text)).faults
+    assert (found.start, found.duration) == (0.0, None)
+
+
+def test_a_push_may_have_an_angle_and_a_height(tmp_path):
+    text = TEXT.replace("direction: inward", "direction: -15 deg\n    height: 50 mm")
+    (push,) = load_scenario(written(tmp_path, text)).pushes
+    assert (push.direction, push.height) == ("-15 deg", pytest.approx(0.05))
+    assert parse_push("20N,200ms,165deg", load_scenario("nao_push")).direction == "165deg"
+
+
 def test_the_shipped_push_is_the_papers():
     """Section 5.2: 20 N for 0.2 s at the torso during the lift, to the side."""
     (push,) = load_scenario("nao_push").pushes
@@ -71,12 +107,13 @@ def test_the_shipped_push_is_the_papers():
 
 def test_what_is_absent_does_not_happen(tmp_path):
     data = yaml.safe_load(TEXT)
-    for key in ("pushes", "faults", "sensor_noise", "jitter"):
+    for key in ("pushes", "faults", "seed", "sensor_noise", "jitter"):
         del data[key]
     found = load_scenario(written(tmp_path, yaml.safe_dump(data)))
     assert found.pushes == found.faults == ()
     assert found.sensor_noise.force_cells == 0
     assert (found.jitter.push_start, found.jitter.base_velocity) == (0, 0)
+    assert (found.plant, found.sensor_delay) == (Plant(), 0)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +122,29 @@ def test_what_is_absent_does_not_happen(tmp_path):
         (
             "direction: inward", "direction: inwards",
             "mine.yaml:9:16: pushes[0].direction: unknown direction 'inwards'; allowed: forward, backward, "
-            "left, right, inward, outward; did you mean 'inward'?",
+            "left, right, inward, outward, or an angle such as '15 deg'; did you mean 'inward'?",
+        ),
+        (
+            "direction: inward", "direction: 15",
+            "mine.yaml:9:16: pushes[0].direction: unknown direction 15; allowed: forward, backward, "
+            "left, right, inward, outward, or an angle such as '15 deg'",
+        ),
+        (
+            "seed: 0", "plant: {mass: 0 %}",
+            "mine.yaml:14:15: plant.mass: found '0 %'; allowed: more than 0 %",
+        ),
+        (
+            "seed: 0", "plant: {slope: {forward: 45 deg}}",
+            "mine.yaml:14:26: plant.slope.forward: found '45 deg'; allowed: at most 30 deg",
+        ),
+        (
+            "seed: 0", "plant: {payload: {body: r_wrist, mass: 300}}",
+            "mine.yaml:14:40: plant.payload.mass: found 300, which is dimensionless; "
+            "allowed: a quantity such as '0.3 kg'",
+        ),
+        (
+            "seed: 0", "sensor_delay: -20 ms",
+            "mine.yaml:14:15: sensor_delay: found '-20 ms'; allowed: at least 0 ms",
         ),
         (
             "force: 20 N", "force: 20 kg",
@@ -161,7 +220,7 @@ def test_relative_files_are_looked_for_beside_the_scenario(tmp_path):
 
 
 FORM = "FORCE,DURATION,DIRECTION such as 20N,200ms,inward"
-DIRECTIONS = "forward, backward, left, right, inward, outward"
+DIRECTIONS = "forward, backward, left, right, inward, outward, or an angle such as '15 deg'"
 
 
 # --- --push -------------------------------------------------------------------------------------------------
