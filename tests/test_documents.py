@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 _BLOCK = re.compile(r"^```(?:sh|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-QUICK = ("init", "validate", "format", "show", "diff", "draw", "run", "schema")
+QUICK = ("init", "validate", "format", "show", "diff", "draw", "run", "schema", "design")
 
 
 def commands(text):

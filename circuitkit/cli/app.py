@@ -7,7 +7,20 @@ from typing import Annotated
 import typer
 
 import circuitkit
-from circuitkit.cli import bench, compare, diff, draw, format, init, run, schema, show, simulate, validate
+from circuitkit.cli import (
+    bench,
+    compare,
+    design,
+    diff,
+    draw,
+    format,
+    init,
+    run,
+    schema,
+    show,
+    simulate,
+    validate,
+)
 
 # Without rich's markup the help is plain text and comes twice as fast.
 app = typer.Typer(
@@ -21,7 +34,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 
-for _module in (init, validate, format, show, diff, draw, run, schema, simulate, compare, bench):
+for _module in (init, validate, format, show, diff, draw, run, schema, simulate, compare, design, bench):
     _module.register(app)
 
 COMMANDS = tuple(command.callback.__name__ for command in app.registered_commands if command.callback)

@@ -26,6 +26,7 @@ COMMANDS = (
     "schema",
     "simulate",
     "compare",
+    "design",
     "bench",
 )
 MODULE = [sys.executable, "-m", "circuitkit"]
