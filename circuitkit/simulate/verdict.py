@@ -67,25 +67,54 @@ def threshold_lines(circuit: CircuitGraph, thresholds: Thresholds) -> Array:
     return lines
 
 
+@dataclass(frozen=True)
+class Verdicts:
+    """What became of B robots; each array of shape (B,), not a number where a `Verdict` has None."""
+
+    survived: NDArray[np.bool_]
+    time_of_fall_s: Array
+    max_zmp_excursion_m: Array
+    recovery_time_s: Array
+
+    def __getitem__(self, robot: int) -> Verdict:
+        """The verdict on one robot."""
+        fall, recovery = float(self.time_of_fall_s[robot]), float(self.recovery_time_s[robot])
+        return Verdict(
+            survived=bool(self.survived[robot]),
+            time_of_fall_s=None if np.isnan(fall) else fall,
+            max_zmp_excursion_m=float(self.max_zmp_excursion_m[robot]),
+            recovery_time_s=None if np.isnan(recovery) else recovery,
+        )
+
+
 def judge(recording: Recording, thresholds: Thresholds, robot: int = 0) -> Verdict:
     """Judge one robot of a recording."""
-    dt = recording.walk.gait.control_step
-    first = recording.readings[0]
-    fallen = np.flatnonzero(has_fallen(recording.readings, recording.robot, first)[:, robot])
-    fell = len(fallen) > 0
-    start = recording.fates.windows_s[robot, 0]
-    begin = 0 if np.isnan(start) else round(start / dt)
-    end = int(fallen[0]) if fell else recording.ticks
-    lines = threshold_lines(recording.yardstick or recording.circuit, thresholds)[
-        recording.support[begin:end, robot]
-    ]
-    zmp = recording.channel(thresholds.channel)[begin:end, robot]
-    beyond = np.maximum(lines[:, 0] - zmp, zmp - lines[:, 1])
-    return Verdict(
-        survived=not fell,
-        time_of_fall_s=float(recording.time_s[fallen[0]]) if fell else None,
-        max_zmp_excursion_m=float(max(beyond.max(initial=0.0), 0.0)),
-        recovery_time_s=_recovery_s(beyond > _NOTHING_M, recording.walk.gait),
+    return judge_all(recording, thresholds)[robot]
+
+
+def judge_all(recording: Recording, thresholds: Thresholds) -> Verdicts:
+    """Judge all robots of a recording at once."""
+    gait = recording.walk.gait
+    fallen = has_fallen(recording.readings, recording.robot, recording.readings[0])
+    fell = fallen.any(axis=0)
+    end = np.where(fell, fallen.argmax(axis=0), recording.ticks)
+    starts = recording.fates.windows_s[:, 0]
+    begin = np.round(np.where(np.isnan(starts), 0.0, starts) / gait.control_step)
+    tick = np.arange(recording.ticks)[:, None]
+    counted = (tick >= begin) & (tick < end)
+
+    lines = threshold_lines(recording.yardstick or recording.circuit, thresholds)
+    right, left = (edge[recording.support] for edge in lines.T)
+    zmp = recording.channel(thresholds.channel)
+    beyond = np.where(counted, np.maximum(right - zmp, zmp - left), 0.0)
+    ends = np.minimum(end, recording.ticks)
+    outside = beyond > _NOTHING_M
+    recovery = [_recovery_s(column[:stop], gait) for column, stop in zip(outside.T, ends, strict=True)]
+    return Verdicts(
+        survived=~fell,
+        time_of_fall_s=np.where(fell, recording.time_s[np.minimum(end, recording.ticks - 1)], np.nan),
+        max_zmp_excursion_m=np.maximum(beyond.max(axis=0, initial=0.0), 0.0),
+        recovery_time_s=np.array([np.nan if each is None else each for each in recovery]),
     )
 
 

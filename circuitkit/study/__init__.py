@@ -1,1 +1,53 @@
-"""Studies: many runs to one answer. For now the benchmarks."""
+"""Studies: many runs to one answer, on one machine or on many.
+
+Every name below is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from circuitkit.study.jobs import Outcome
+    from circuitkit.study.points import Point
+    from circuitkit.study.pool import Pool, open_pool
+    from circuitkit.study.results import Limit, Results, Share, read_results, wilson_interval
+    from circuitkit.study.spec import Cell, Study, load_study, make_study
+    from circuitkit.study.driver import run_points, run_studies, sweep
+
+__all__ = [
+    "Cell",
+    "Limit",
+    "Outcome",
+    "Point",
+    "Pool",
+    "Results",
+    "Share",
+    "Study",
+    "load_study",
+    "make_study",
+    "open_pool",
+    "read_results",
+    "run_points",
+    "run_studies",
+    "sweep",
+    "wilson_interval",
+]
+
+_MODULES = {
+    "jobs": "Outcome",
+    "points": "Point",
+    "pool": "Pool open_pool",
+    "results": "Limit Results Share read_results wilson_interval",
+    "spec": "Cell Study load_study make_study",
+    "driver": "run_points run_studies sweep",
+}
+_MODULE_OF_NAME = {name: module for module, names in _MODULES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULE_OF_NAME:
+        message = f"module 'circuitkit.study' has no attribute '{name}'"
+        raise AttributeError(message)
+    return getattr(importlib.import_module(f"circuitkit.study.{_MODULE_OF_NAME[name]}"), name)

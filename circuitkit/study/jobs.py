@@ -1,0 +1,168 @@
+"""Jobs: batches of runs that a worker steps together, and what comes back of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+import circuitkit
+from circuitkit.errors import CircuitkitError
+from circuitkit.simulate import Plan, Push, Recording, Scenario
+from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulate.loop import run_loop
+from circuitkit.simulate.run import PreparedWalk, prepare_walk
+from circuitkit.simulate.verdict import judge_all
+from circuitkit.study.points import Point
+
+_KEPT_WALKS = 16  # robots with their walks that a worker keeps
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one run.
+
+    Attributes:
+        seed: Its seed.
+        survived: Whether the robot stood at the end.
+        time_of_fall_s: When it fell; None if it did not.
+        max_zmp_excursion_m: How far the ZMP was outside the thresholds after the push began, at most.
+        recovery_time_s: From the first time outside to being back inside; None if never out or never back.
+        rms: Root mean square of every command of the controller up to the fall or the end, [SI unit].
+    """
+
+    seed: int
+    survived: bool
+    time_of_fall_s: float | None
+    max_zmp_excursion_m: float
+    recovery_time_s: float | None
+    rms: Mapping[str, float] = field(default_factory=dict)
+
+    def row(self) -> dict[str, Any]:
+        """The outcome as columns: those above, and `rms_COMMAND` for every command."""
+        columns = {
+            "seed": self.seed,
+            "survived": self.survived,
+            "time_of_fall_s": self.time_of_fall_s,
+            "max_zmp_excursion_m": self.max_zmp_excursion_m,
+            "recovery_time_s": self.recovery_time_s,
+        }
+        return columns | {f"rms_{name}": value for name, value in self.rms.items()}
+
+
+@dataclass(frozen=True)
+class Job:
+    """Runs of points that share everything but their pushes.
+
+    Attributes:
+        number: Tells it from others.
+        point: One of the points.
+        trials: The runs.
+    """
+
+    number: int
+    point: Point
+    trials: tuple[Trial, ...]
+
+
+@dataclass(frozen=True)
+class Done:
+    """A job that is done.
+
+    Attributes:
+        number: The job's.
+        outcomes: One for each trial, or what keeps that trial's point from being run.
+        version: Of circuitkit, where it was done.
+    """
+
+    number: int
+    outcomes: tuple[Outcome | CircuitkitError, ...]
+    version: str = circuitkit.__version__
+
+
+def run_job(job: Job) -> Done:
+    """Do a job with one thread.
+
+    A trial gets the same outcome, to the last bit, whatever the other trials of its job are.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C came; nothing is kept.
+    """
+    return Done(job.number, _outcomes(job.point, job.trials))
+
+
+def _outcomes(point: Point, trials: tuple[Trial, ...]) -> tuple[Outcome | CircuitkitError, ...]:
+    try:
+        plan = plan_of(point)
+        recording = run_loop(plan.setup(point.controller, trials), threads=1)
+    except CircuitkitError as error:
+        by_pushes: dict[tuple[Push, ...], None] = dict.fromkeys(trial.pushes for trial in trials)
+        if len(by_pushes) == 1:
+            return (error,) * len(trials)
+        found: dict[Trial, Outcome | CircuitkitError] = {}  # whose fault is it?
+        for pushes in by_pushes:
+            some = tuple(trial for trial in trials if trial.pushes == pushes)
+            found |= dict(zip(some, _outcomes(point, some), strict=True))
+        return tuple(found[trial] for trial in trials)
+    if recording.interrupted:
+        raise KeyboardInterrupt
+    return judged(recording, plan)
+
+
+def judged(recording: Recording, plan: Plan) -> tuple[Outcome, ...]:
+    """The outcomes of all robots of a recording."""
+    verdicts = judge_all(recording, plan.scenario.thresholds)
+    dt = recording.walk.gait.control_step
+    lasted = np.where(verdicts.survived, recording.ticks, np.nan_to_num(verdicts.time_of_fall_s) / dt)
+    outcomes = []
+    for i, trial in enumerate(recording.trials):
+        verdict = verdicts[i]
+        commands = recording.commands[: round(lasted[i]), i]
+        rms = np.sqrt(np.square(commands).mean(axis=0)) if len(commands) else np.zeros(commands.shape[-1])
+        outcomes.append(
+            Outcome(
+                seed=trial.seed,
+                survived=verdict.survived,
+                time_of_fall_s=verdict.time_of_fall_s,
+                max_zmp_excursion_m=verdict.max_zmp_excursion_m,
+                recovery_time_s=verdict.recovery_time_s,
+                rms=dict(zip(recording.command_names, (float(value) for value in rms), strict=True)),
+            )
+        )
+    return tuple(outcomes)
+
+
+def plan_of(point: Point) -> Plan:
+    """The plan of a point; robots and walks are made once, as long as they are in use."""
+    scenario = point.scenario
+    used = scenario.model_dump(mode="json", include={"robot", "servo_profile", "plant", "duration"})
+    body = _prepared(_Keyed((str(used), point.gait), lambda: prepare_walk(scenario, point.gait)))
+    return Plan(
+        scenario, body.robot, body.walk, body.targets, point.circuit, point.yardstick, plant=body.plant
+    )
+
+
+@dataclass(frozen=True)
+class _Keyed:
+    """How to make something, and what it depends on."""
+
+    key: Hashable
+    make: Callable[[], PreparedWalk] = field(compare=False)
+
+
+@lru_cache(maxsize=_KEPT_WALKS)
+def _prepared(wanted: _Keyed) -> PreparedWalk:
+    return wanted.make()
+
+
+def trials_of(scenario: Scenario, seeds: Sequence[int]) -> tuple[Trial, ...]:
+    """A trial for each seed, with the scenario's pushes."""
+    return tuple(Trial(seed, scenario.pushes) for seed in seeds)
+
+
+def without_seed(point: Point) -> Point:
+    """The point without what its runs do not share, to be sent once for all of them."""
+    return replace(point, scenario=point.scenario.model_copy(update={"pushes": ()}))

@@ -1,0 +1,238 @@
+"""Results: one row a run, and what the rows say: limits with their confidence, or shares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import circuitkit
+from circuitkit.errors import CircuitkitError
+from circuitkit.study.search import Boundary, allowed_falls, boundary
+from circuitkit.study.spec import RESERVED, Cell, Label, Study
+from circuitkit.units import parse_quantity
+
+if TYPE_CHECKING:
+    import pyarrow
+
+    from circuitkit.study.jobs import Outcome
+    from circuitkit.study.points import Point
+
+Row = Mapping[str, Any]
+
+
+def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Where the true share of successes lies, by Wilson (1927).
+
+    (p + z^2/2n +- z sqrt(p (1 - p)/n + z^2/4n^2)) / (1 + z^2/n), with p = successes/n and z the quantile of the
+    normal distribution. Unlike p +- z sqrt(p (1 - p)/n) it says something where all runs or none succeed.
+
+    Args:
+        successes: How many runs succeeded.
+        runs: n, how many there were.
+        confidence: How sure to be.
+
+    Returns:
+        Lower and upper end; 0 and 1 without runs.
+    """
+    if runs == 0:
+        return 0.0, 1.0
+    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    share, extra = successes / runs, z * z / runs
+    middle = share + extra / 2
+    half = z * math.sqrt(share * (1 - share) / runs + extra / (4 * runs))
+    low, high = (middle - half) / (1 + extra), (middle + half) / (1 + extra)
+    return (0.0 if successes == 0 else low), (1.0 if successes == runs else high)
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many runs of a cell were survived.
+
+    Attributes:
+        labels: Value by axis: a number in SI units, or a text.
+        texts: The same as the study has it written.
+        survived: In how many runs the robot stood at the end.
+        runs: How many there were.
+        interval: Wilson's interval of the share, 95 %.
+    """
+
+    labels: Mapping[str, Label]
+    texts: Mapping[str, str]
+    survived: int
+    runs: int
+    interval: tuple[float, float]
+
+    @property
+    def share(self) -> float:
+        """The share that was survived; not a number without runs."""
+        return self.survived / self.runs if self.runs else math.nan
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The largest value that a cell survived, as it did every smaller one that was tried.
+
+    Attributes:
+        labels: Value by axis: a number in SI units, or a text.
+        texts: The same as the study has it written.
+        largest: That value, [SI unit]; 0 if not even the smallest was survived.
+        survived: In how many runs at `largest` the robot stood.
+        runs: How many there were.
+        interval: Wilson's interval of the share that survives `largest`, 95 %.
+        fails_at: The smallest value that was not survived, [SI unit]; None if all were that were tried.
+    """
+
+    labels: Mapping[str, Label]
+    texts: Mapping[str, str]
+    largest: float
+    survived: int
+    runs: int
+    interval: tuple[float, float]
+    fails_at: float | None
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a cell, done.
+
+    Attributes:
+        cell: Number of the cell.
+        index: Number of the searched value on its grid; 0 without search.
+        point: What was run.
+        outcome: What became of it.
+    """
+
+    cell: int
+    index: int
+    point: Point
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that a study found.
+
+    Attributes:
+        study: The study.
+        rows: One for each run: axes by name, the searched value, the columns of `Outcome.row`, and the
+            `scenario` as JSON, the `version` of circuitkit and the run's `key`. In the order of the cells,
+            searched values and seeds.
+        complete: Whether nothing is left to be run.
+    """
+
+    study: Study
+    rows: tuple[Row, ...] = field(repr=False)
+    complete: bool = True
+
+    @cached_property
+    def table(self) -> pyarrow.Table:
+        """The rows as an Arrow table; a searched value and axes of quantities have their `unit` as metadata.
+
+        Raises:
+            MissingDependencyError: pyarrow is not installed.
+        """
+        from circuitkit.study.store import table_of
+
+        return table_of(self.study, self.rows)
+
+    def limits(self) -> tuple[Limit, ...]:
+        """The boundary of every cell, in the order of the study.
+
+        Raises:
+            CircuitkitError: The study searches nothing.
+        """
+        search = self.study.search
+        if search is None:
+            message = f"the study '{self.study.name}' has no search; ask for shares()"
+            raise CircuitkitError(message)
+        values = {parse_quantity(search.value(i)).value_si: i for i in range(search.count)}
+        return tuple(
+            self._limit(cell, rows, values) for cell, rows in zip(self.study.cells, self._by_cell, strict=True)
+        )
+
+    def _limit(self, cell: Cell, rows: Sequence[Row], values: Mapping[float, int]) -> Limit:
+        search = self.study.search
+        assert search is not None  # noqa: S101 - `limits` has looked
+        stood: dict[int, list[bool]] = {}
+        for row in rows:
+            stood.setdefault(values[row[search.field]], []).append(row["survived"])
+        seeds = len(self.study.seeds)
+        most = allowed_falls(seeds, search.survive)
+        holds = {}
+        for index, ups in stood.items():
+            if ups.count(False) > most:
+                holds[index] = False
+            elif len(ups) == seeds:
+                holds[index] = True
+        low, high = boundary(holds, search.count)
+        shown = max(low, 0)
+        up = stood.get(shown, [])
+        amounts = {i: value for value, i in values.items()}
+        return Limit(
+            labels=cell.labels,
+            texts=cell.texts,
+            largest=amounts[low] if low >= 0 else 0.0,
+            survived=sum(up),
+            runs=len(up),
+            interval=wilson_interval(sum(up), len(up)),
+            fails_at=amounts[high] if high < search.count else None,
+        )
+
+    def shares(self) -> tuple[Share, ...]:
+        """How many runs of every cell were survived, in the order of the study; of all values if it searches."""
+        found = []
+        for cell, rows in zip(self.study.cells, self._by_cell, strict=True):
+            up = sum(row["survived"] for row in rows)
+            found.append(Share(cell.labels, cell.texts, up, len(rows), wilson_interval(up, len(rows))))
+        return tuple(found)
+
+    @cached_property
+    def _by_cell(self) -> tuple[tuple[Row, ...], ...]:
+        """The rows of every cell."""
+        found: dict[tuple[Label, ...], list[Row]] = {}
+        axes = tuple(self.study.axes)
+        for row in self.rows:
+            found.setdefault(tuple(row[axis] for axis in axes), []).append(row)
+        return tuple(tuple(found.get(tuple(cell.labels.values()), ())) for cell in self.study.cells)
+
+
+def rows_of(study: Study, runs: Iterable[Run]) -> tuple[Row, ...]:
+    """The rows of runs, in the order of the cells, searched values and seeds."""
+    ordered = sorted(runs, key=lambda run: (run.cell, run.index, run.outcome.seed))
+    return tuple(row_of(study, run) for run in ordered)
+
+
+def row_of(study: Study, run: Run) -> dict[str, Any]:
+    """The row of a run."""
+    seed, search = run.outcome.seed, study.search
+    row: dict[str, Any] = dict(study.cells[run.cell].labels)
+    if search is not None:
+        row[search.field] = parse_quantity(search.value(run.index)).value_si
+    return row | run.outcome.row() | {
+        "scenario": run.point.description(seed),
+        "version": circuitkit.__version__,
+        "key": run.point.run_key(seed),
+    }
+
+
+def read_results(folder: str | Path) -> Results:
+    """Read what a sweep has written, also while it is under way or after it was stopped.
+
+    Args:
+        folder: The folder of the sweep.
+
+    Raises:
+        InputError: There are no results there.
+        MissingDependencyError: pyarrow is not installed.
+    """
+    from circuitkit.study.store import Store
+
+    return Store(Path(folder)).results()
+
+
+__all__ = ["RESERVED", "Boundary", "Limit", "Results", "Row", "Run", "Share", "read_results", "wilson_interval"]

@@ -1,0 +1,99 @@
+"""What is run next: a plain grid, or bisection for a boundary; one decides for each cell by itself.
+
+Each is a generator: it yields the runs that it wants, gets whether they stood, and ends when it knows enough.
+What it wants depends on nothing else, so the same runs are made whatever the workers do first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+# A run of a cell: number of the searched value on its grid (0 without search), and the seed.
+Wanted: TypeAlias = tuple[int, int]
+Asker: TypeAlias = Generator[list[Wanted], Mapping[Wanted, bool], None]
+
+FIRST_SEEDS = 4  # so many seeds are run first; the others only where these leave a hope
+
+
+def grid_runs(seeds: Sequence[int]) -> Asker:
+    """All seeds of a cell without search."""
+    yield [(0, seed) for seed in seeds]
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A search for the largest value that is survived.
+
+    Attributes:
+        count: Values 0 to count - 1 are on the grid.
+        seeds: Those that are run.
+        survive: Share of them that must stand.
+        check_below: How many values below the boundary must hold as well.
+    """
+
+    count: int
+    seeds: Sequence[int]
+    survive: float
+    check_below: int
+
+    @property
+    def may_fall(self) -> int:
+        """How many seeds may fall."""
+        return allowed_falls(len(self.seeds), self.survive)
+
+    def runs(self) -> Asker:
+        """Ask for runs until the boundary is known.
+
+        Between a value that holds and one that does not, the middle is tried. Where they are neighbours, the
+        values just below are tried too; if one of them does not hold, the search goes on below it.
+        """
+        holds: dict[int, bool] = {}
+        while True:
+            low, high = boundary(holds, self.count)
+            if high - low > 1:
+                wanted = [(low + high) // 2]
+            else:
+                below = range(low - 1, max(low - 1 - self.check_below, -1), -1)
+                wanted = [index for index in below if index not in holds]
+                if not wanted:
+                    return
+            holds |= yield from self._probe(wanted)
+
+    def _probe(self, values: Sequence[int]) -> Generator[list[Wanted], Mapping[Wanted, bool], dict[int, bool]]:
+        """Whether values hold; some seeds of each first, the rest where it still may."""
+        first, rest = self.seeds[:FIRST_SEEDS], self.seeds[FIRST_SEEDS:]
+        stood = dict((yield [(value, seed) for value in values for seed in first]))
+        going = [value for value in values if self._falls(stood, value) <= self.may_fall]
+        if going and rest:
+            stood |= yield [(value, seed) for value in going for seed in rest]
+        return {value: self._falls(stood, value) <= self.may_fall for value in values}
+
+    @staticmethod
+    def _falls(stood: Mapping[Wanted, bool], value: int) -> int:
+        return sum(not up for (index, _), up in stood.items() if index == value)
+
+    def about(self) -> float:
+        """How many runs a search takes, about: half of the values that are tried do not hold."""
+        tries = math.log2(self.count + 1)
+        few = min(FIRST_SEEDS, len(self.seeds))
+        return tries * (few + len(self.seeds)) / 2 + min(self.check_below, self.count) / 2 * len(self.seeds)
+
+    def most(self) -> int:
+        """How many runs a search can take at most."""
+        return self.count * len(self.seeds)
+
+
+def allowed_falls(seeds: int, survive: float) -> int:
+    """How many of the seeds may fall where a share must stand."""
+    return seeds - math.ceil(survive * seeds - 1e-9)
+
+
+def boundary(holds: Mapping[int, bool], count: int) -> tuple[int, int]:
+    """The largest value that holds below the smallest that does not, and that one; -1 and `count` if none."""
+    high = min((index for index, held in holds.items() if not held), default=count)
+    low = max((index for index, held in holds.items() if held and index < high), default=-1)
+    return low, high
+

@@ -1,0 +1,271 @@
+"""The folder of a sweep: what was asked, the rows as they come, and in the end one Parquet file.
+
+`study.json` says what determines the runs; `parts/*.parquet` holds a batch each, whole or not there at all;
+`results.parquet` takes their place when nothing is left to be run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import circuitkit
+from circuitkit.errors import CircuitkitError, InputError, MissingDependencyError, Problem
+from circuitkit.files import OutputError, replacing, write_text
+from circuitkit.study.jobs import Outcome
+from circuitkit.study.results import Results, Row
+from circuitkit.study.spec import Study, make_study
+from circuitkit.units import parse_quantity
+
+if TYPE_CHECKING:
+    import pyarrow
+
+_FORMAT = 1
+_RMS = "rms_"
+_REAL = ("time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s")
+_UNSEEN = ("description", "tune")  # keys of a study that determine no run
+_SHOWN_DIFFERENCES = 6
+
+
+def arrow() -> Any:  # noqa: ANN401 - a module that ships no types
+    """The module pyarrow.
+
+    Raises:
+        MissingDependencyError: It is not installed.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        package, extra = "pyarrow", "study"
+        raise MissingDependencyError(package, extra, "writing the results of a sweep") from error
+    return pyarrow
+
+
+def table_of(study: Study, rows: Sequence[Row]) -> pyarrow.Table:
+    """Rows as an Arrow table with the same columns whatever their order.
+
+    Raises:
+        MissingDependencyError: pyarrow is not installed.
+    """
+    pa = arrow()
+    commands = sorted({name for row in rows for name in row if name.startswith(_RMS)})
+    fields = [_labelled(pa, study, axis) for axis in study.axes]
+    if study.search is not None:
+        fields.append(_with_unit(pa.field(study.search.field, pa.float64()), study.search.step))
+    fields += [pa.field("seed", pa.int64()), pa.field("survived", pa.bool_())]
+    fields += [pa.field(name, pa.float64()) for name in (*_REAL, *commands)]
+    fields += [pa.field(name, pa.string()) for name in ("scenario", "version", "key")]
+    columns = [pa.array([row.get(field.name) for row in rows], type=field.type) for field in fields]
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
+
+
+def _labelled(pa: Any, study: Study, axis: str) -> Any:  # noqa: ANN401 - a module that ships no types
+    values = study.axes[axis]
+    if all(isinstance(value.label, bool) for value in values):
+        return pa.field(axis, pa.bool_())
+    if all(isinstance(value.label, float) for value in values):
+        return _with_unit(pa.field(axis, pa.float64()), values[0].text)
+    return pa.field(axis, pa.string())
+
+
+def _with_unit(field: Any, text: str) -> Any:  # noqa: ANN401 - as above
+    return field.with_metadata({"unit": parse_quantity(text).dimension.si_symbol})
+
+
+def manifest_of(study: Study, inputs: Mapping[str, str]) -> dict[str, Any]:
+    """All that determines the runs of a study."""
+    import mujoco
+    import numpy as np
+
+    data = study.document.data
+    return {
+        "format": _FORMAT,
+        "study": {key: value for key, value in data.items() if key not in _UNSEEN}
+        if isinstance(data, dict)
+        else {},
+        "files": dict(sorted(inputs.items())),
+        "versions": {
+            "circuitkit": circuitkit.__version__,
+            "mujoco": mujoco.__version__,
+            "numpy": np.__version__,
+        },
+    }
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of a sweep."""
+
+    folder: Path
+
+    @property
+    def results_file(self) -> Path:
+        """What a sweep leaves."""
+        return self.folder / "results.parquet"
+
+    @property
+    def _study_file(self) -> Path:
+        return self.folder / "study.json"
+
+    @property
+    def _parts(self) -> Path:
+        return self.folder / "parts"
+
+    def begin(self, study: Study, inputs: Mapping[str, str], *, resume: bool) -> dict[str, Outcome]:
+        """Make the folder ready.
+
+        Args:
+            study: What is run.
+            inputs: What its files say; see `Point.inputs`.
+            resume: Go on with what is there.
+
+        Returns:
+            The outcomes that are there, by the run's key.
+
+        Raises:
+            CircuitkitError: The folder has results and `resume` is not set.
+            InputError: The results there are of another study.
+            OutputError: The folder cannot be written.
+        """
+        arrow()
+        manifest = manifest_of(study, inputs)
+        if not self._study_file.is_file():
+            if self.results_file.exists() or self._parts.exists():
+                message = f"'{self.folder}' has results, but no study.json that says of what; name another folder"
+                raise CircuitkitError(message)
+            self._remember(manifest)
+            return {}
+        if not resume:
+            count = sum(1 for _ in self._rows())
+            message = (
+                f"'{self.folder}' has {count} runs of the study '{self._manifest()['study'].get('study')}'; "
+                "go on with them by --resume (resume=True), or name another folder"
+            )
+            raise CircuitkitError(message)
+        if differences := list(_differences(self._manifest(), manifest)):
+            shown = "; ".join(differences[:_SHOWN_DIFFERENCES])
+            more = len(differences) - _SHOWN_DIFFERENCES
+            message = (
+                f"cannot go on in '{self.folder}', for its runs are of another study: {shown}"
+                f"{f'; and {more} more' if more > 0 else ''}; name another folder"
+            )
+            raise InputError(Problem("", 0, 0, "", message))
+        return {str(row["key"]): _outcome(row) for row in self._rows()}
+
+    def add(self, study: Study, rows: Sequence[Row]) -> None:
+        """Write the rows of a batch.
+
+        Raises:
+            OutputError: They cannot be written.
+        """
+        keys = "".join(sorted(str(row["key"]) for row in rows))
+        name = f"part-{hashlib.sha256(keys.encode()).hexdigest()[:16]}.parquet"
+        self._write(self._parts / name, table_of(study, rows))
+
+    def finish(self, results: Results) -> None:
+        """Write the table of all rows, and take the parts away.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        self._write(self.results_file, results.table)
+        shutil.rmtree(self._parts, ignore_errors=True)
+
+    def count(self) -> int:
+        """How many runs are there."""
+        return len({row["key"] for row in self._rows()})
+
+    def results(self) -> Results:
+        """What is there.
+
+        Raises:
+            InputError: Nothing is there.
+        """
+        arrow()
+        manifest = self._manifest()
+        study = make_study(manifest["study"])
+        cells = {tuple(cell.labels.values()): i for i, cell in enumerate(study.cells)}
+        searched = [study.search.field] if study.search is not None else []
+
+        def order(row: Row) -> tuple[Any, ...]:
+            labels = tuple(row[axis] for axis in study.axes)
+            return cells[labels], *(row[name] for name in searched), row["seed"]
+
+        rows = tuple(sorted(self._rows(), key=order))
+        return Results(study, rows, complete=self.results_file.is_file())
+
+    def _remember(self, manifest: Mapping[str, Any]) -> None:
+        text = json.dumps(manifest, indent=2, ensure_ascii=False, allow_nan=False)
+        write_text(self._study_file, text + "\n")
+
+    def _manifest(self) -> dict[str, Any]:
+        try:
+            manifest = json.loads(self._study_file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            message = f"there are no results of a sweep in '{self.folder}'; allowed: the folder that a sweep wrote"
+            raise InputError(Problem("", 0, 0, "", message)) from error
+        if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
+            message = f"'{self._study_file}' was written by another version; allowed: format {_FORMAT}"
+            raise InputError(Problem("", 0, 0, "", message))
+        return manifest
+
+    def _rows(self) -> Iterator[dict[str, Any]]:
+        """The rows that are there; those of a finished sweep, if it was stopped before it tidied up."""
+        pa = arrow()
+        whole = self.results_file.is_file()
+        files = [self.results_file] if whole else sorted(self._parts.glob("part-*.parquet"))
+        for file in files:
+            try:
+                table = pa.parquet.read_table(file, partitioning=None)
+            except (OSError, pa.ArrowException) as error:
+                message = f"cannot read '{file}': {error}; take it away, and --resume runs what it held again"
+                raise CircuitkitError(message) from error
+            for row in table.to_pylist():
+                yield {
+                    name: value
+                    for name, value in row.items()
+                    if value is not None or not name.startswith(_RMS)
+                }
+
+    @staticmethod
+    def _write(path: Path, table: Any) -> None:  # noqa: ANN401 - pyarrow ships no types
+        with replacing(path) as part:
+            arrow().parquet.write_table(table, part, compression="zstd")
+
+
+def _outcome(row: Row) -> Outcome:
+    rms = {name.removeprefix(_RMS): value for name, value in row.items() if name.startswith(_RMS)}
+    return Outcome(int(row["seed"]), bool(row["survived"]), *(row[name] for name in _REAL), rms=rms)
+
+
+def _differences(old: Any, new: Any, where: str = "") -> Iterator[str]:  # noqa: ANN401 - JSON data
+    """What differs, as texts such as `seeds.count was 20 and is 10`."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in dict.fromkeys((*old, *new)):
+            path = f"{where}.{key}" if where not in {"", "study", "files", "versions"} else str(key)
+            if old.get(key, _Nothing) != new.get(key, _Nothing):
+                if where == "files" and key in old and key in new:
+                    yield f"the {key} says something else now"
+                elif where == "files":
+                    yield f"the {key} {'is new' if key in new else 'is no longer used'}"
+                else:
+                    yield from _differences(old.get(key, _Nothing), new.get(key, _Nothing), path)
+    else:
+        yield f"{where} was {_shown(old)} and is {_shown(new)}"
+
+
+class _Nothing:
+    """What is not there."""
+
+
+def _shown(value: object) -> str:
+    return "nothing" if value is _Nothing else json.dumps(value, ensure_ascii=False)
+
+
+__all__ = ["OutputError", "Store", "arrow", "manifest_of", "table_of"]
