@@ -1,0 +1,148 @@
+"""The runs by which a tuning measures its candidates: cases (settings of the scenario) times seeds."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import Field, field_validator
+
+from circuitkit.errors import InputError, UnitError
+from circuitkit.source import Document, FileModel, Mark, Place, validate_model
+from circuitkit.source.fields import Ratio, Seconds
+from circuitkit.study.spec import Axis, Seeds, Settings, Study, StudyFile
+from circuitkit.units import format_quantity, parse_quantity
+
+_OF_A_STUDY = ("scenario", "set", "watch")  # what a set of runs takes over from its study
+_DIGITS = 12
+
+
+class RunSet(FileModel):
+    """Runs that a figure is taken of: every combination of the axes and the scale, with every seed."""
+
+    set: dict[str, Any] = Field(default={}, description="Fields of the scenario by path, for all of them.")
+    axes: dict[str, Axis] = Field(default={}, description="What varies, as in any study.")
+    scale: dict[str, tuple[Ratio, ...]] = Field(
+        default={}, description="By the path of a field, factors of its value; of one field at most."
+    )
+    watch: Seconds | None = Field(
+        default=None, gt=0, description="Runs end this long after the last push; as the study if absent."
+    )
+
+    @field_validator("scale")
+    @classmethod
+    def _of_one_field(cls, scale: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+        if len(scale) > 1:
+            message = f"found {len(scale)} fields: {', '.join(scale)}; allowed: one"
+            raise ValueError(message)
+        for factors in scale.values():
+            if not factors or any(b <= a for a, b in itertools.pairwise((0.0, *factors))):
+                message = "found factors out of order; allowed: at least one, above 0, the smallest first"
+                raise ValueError(message)
+        return scale
+
+
+@dataclass(frozen=True)
+class Case:
+    """One setting of the scenario.
+
+    Attributes:
+        cell: Which combination of the axes it is: the value of each as it was written.
+        factor: By what the scaled field is multiplied; 1 without a scale.
+        settings: Fields of the scenario by path.
+    """
+
+    cell: Mapping[str, str]
+    factor: float
+    settings: Settings
+
+    @property
+    def cell_key(self) -> tuple[tuple[str, str], ...]:
+        """Equal for cases that differ in the scale only."""
+        return tuple(self.cell.items())
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A set of runs that is ready to be run.
+
+    Attributes:
+        name: Its name.
+        study: What makes points of settings.
+        cases: The settings, those of one cell behind each other, by growing factor.
+        seeds: The seeds of each.
+    """
+
+    name: str
+    study: Study
+    cases: tuple[Case, ...]
+    seeds: range
+
+    @property
+    def count(self) -> int:
+        """How many runs a candidate needs."""
+        return len(self.cases) * len(self.seeds)
+
+
+def make_runs(name: str, spec: RunSet, seeds: Seeds, document: Document, place: Place) -> Runs:
+    """The runs of a set.
+
+    Args:
+        name: Its name.
+        spec: What the file says of it.
+        seeds: The seeds.
+        document: The file of the tuning.
+        place: Where the set stands in it.
+
+    Raises:
+        InputError: What is scaled has no value, or none that can be scaled.
+    """
+    study = _study(name, spec, seeds, document, place)
+    cases = []
+    for cell in study.cells:
+        for field, factors in spec.scale.items():
+            given = {**study.file.set, **cell.settings}
+            scaled = [_scaled(given, field, factor, document, place) for factor in factors]
+            settings = [{**cell.settings, field: text} for text in scaled]
+            cases += [Case(cell.texts, *each) for each in zip(factors, settings, strict=True)]
+        if not spec.scale:
+            cases.append(Case(cell.texts, 1.0, cell.settings))
+    return Runs(name, study, tuple(cases), seeds.each())
+
+
+def _study(name: str, spec: RunSet, seeds: Seeds, document: Document, place: Place) -> Study:
+    """The set as a study of its own, whose parts know where they stand in the file of the tuning."""
+    whole: Any = document.data  # a mapping with what `place` names: it has been validated
+    inner = whole
+    for part in place:
+        inner = inner[part]
+    data: dict[str, Any] = {key: whole[key] for key in _OF_A_STUDY if key in whole}
+    data |= {"study": name, "seeds": seeds.model_dump(), "axes": inner.get("axes", {})}
+    data["set"] = {**data.get("set", {}), **spec.set}
+    if "watch" in inner:
+        data["watch"] = inner["watch"]
+    marks: dict[Place, Mark] = {at: mark for at, mark in document.marks.items() if at[:1] != ("tune",)}
+    marks |= {at[len(place) :]: mark for at, mark in document.marks.items() if at[: len(place)] == place}
+    own = Document(document.path, data, marks, {})
+    return Study(validate_model(own, StudyFile), own)
+
+
+def _scaled(settings: Settings, field: str, factor: float, document: Document, place: Place) -> str:
+    """A factor times the value of a field, in its unit."""
+    at = (*place, "scale", field)
+    if field not in settings:
+        message = f"nothing gives '{field}' a value; allowed: a field that stands in set or in an axis"
+        raise InputError(document.problem(at, message, at_key=True))
+    try:
+        quantity = parse_quantity(str(settings[field]))
+    except UnitError as error:
+        raise InputError(document.problem(at, f"cannot scale '{field}': {error}", at_key=True)) from error
+    return format_quantity(factor * quantity.value_si, quantity.unit, _DIGITS)
+
+
+def in_words(seeds: Seeds) -> str:
+    """Such as `100 to 104`."""
+    numbers = seeds.each()
+    return f"{numbers[0]} to {numbers[-1]}" if len(numbers) > 1 else str(numbers[0])

@@ -1,0 +1,172 @@
+"""What a tuning leaves: the tuned file, with where its numbers come from."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import circuitkit
+from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit.authoring.difference import compare_circuits
+from circuitkit.circuit.authoring.flat import flat_document
+from circuitkit.circuit.authoring.formatting import format_text
+from circuitkit.circuit.load import FOLDER
+from circuitkit.control.spec import FOLDER as CONTROLLERS
+from circuitkit.errors import CircuitkitError
+from circuitkit.files import write_text
+from circuitkit.source import dump_yaml, find_data_file
+from circuitkit.source.commented import Collection, Entry, Scalar, read_commented
+from circuitkit.source.rewriting import write_commented
+from circuitkit.study.tuning.cases import in_words
+from circuitkit.study.tuning.objective import Score, Term
+from circuitkit.study.tuning.search import Found, Told
+from circuitkit.study.tuning.spec import TuneSpec, Tuning
+
+_WIDTH = 110
+_SCHEMA = "circuit.schema.json"
+_FOLDERS = {"controller": CONTROLLERS, "gait": "sims"}
+
+
+class ResultError(CircuitkitError):
+    """What was written does not mean what was measured; this is a defect of circuitkit."""
+
+
+def write_result(tuning: Tuning, values: Mapping[str, str], comment: Sequence[str], path: Path) -> Path:
+    """Write the tuned file.
+
+    Args:
+        tuning: What was tuned.
+        values: The values by name.
+        comment: Lines that stand above it.
+        path: The file.
+
+    Raises:
+        ResultError: The text does not mean what was measured.
+        OutputError: It cannot be written.
+    """
+    if tuning.spec.target == "circuit":
+        text = _circuit_text(tuning, values, comment, path)
+    else:
+        text = _changed_text(tuning, values, comment)
+    write_text(path, text)
+    return path
+
+
+def _circuit_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[str], path: Path) -> str:
+    """A circuit that includes the base and sets parameters, if that can say it.
+
+    Where values are tuned that an including file cannot set (of neurons, or inside instances), the circuit is
+    written out without includes.
+    """
+    base = find_data_file(tuning.base, FOLDER)
+    spec = load_circuit(base)
+    graph = resolve(spec, values)
+    own = {name for part in (spec.module.parts if spec.module else ()) for name in part.spec.parameters}
+    head = [f"# yaml-language-server: $schema={_SCHEMA}", "#"] if (path.parent / _SCHEMA).is_file() else []
+    name, words = tuning.spec.result, f"{spec.description or spec.circuit}, tuned by {tuning.file.study}"
+    if set(values) <= own:
+        data: dict[str, Any] = {
+            "circuit": name,
+            "description": words,
+            "control_step": spec.control_step,
+            "timing": spec.timing,
+            "include": [os.path.relpath(base.resolve(), path.parent.resolve())],
+            "parameters": dict(values),
+        }
+    else:
+        data = {**flat_document(graph), "circuit": name, "description": words}
+    text = format_text("\n".join([*head, *_commented(comment), dump_yaml(data)]), str(path))
+    written = resolve(parse_circuit(text, str(path)))
+    same_words = replace(written, name=graph.name, description=graph.description, parameters=graph.parameters)
+    if changes := compare_circuits(graph, same_words):
+        message = f"'{path}' would differ from what was measured: {changes[0]}; please report"
+        raise ResultError(message)
+    return text
+
+
+def _changed_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[str]) -> str:
+    """The text of the base, with its comments, its name and these values changed."""
+    target = tuning.spec.target
+    base = find_data_file(tuning.base, _FOLDERS[target])
+    text = base.read_text(encoding="utf-8")
+    tree = read_commented(text)
+    for path, value in {target: tuning.spec.result, **values}.items():
+        _put(tree.top, path.split("."), value)
+    changed = write_commented(tree, _WIDTH)
+    head = "".join(f"{line}\n" for line in _commented(comment))
+    return f"{head}#\n{changed}" if changed.startswith("#") else f"{head}{changed}"
+
+
+def _put(mapping: Collection, path: Sequence[str], value: str) -> None:
+    """Change or add a value of a mapping, or of one in it."""
+    scalar = Scalar((dump_yaml(value).splitlines()[0],), value)
+    name, *inner = path
+    entry = next((each for each in mapping.entries if each.name == name), None)
+    if entry is None:
+        content = Collection(is_mapping=True, flow=True) if inner else scalar
+        entry = Entry(name, name, content, (0, 0), (0, 0), mapping)
+        mapping.entries.append(entry)
+    if not inner:
+        entry.value = scalar
+    elif isinstance(entry.value, Collection):
+        _put(entry.value, inner, value)
+
+
+def _commented(lines: Sequence[str]) -> list[str]:
+    return [f"# {line}".rstrip() for line in lines]
+
+
+def provenance(
+    tuning: Tuning, found: Found, best: Told, confirmed: Score | None, test: Score | None
+) -> list[str]:
+    """Where the numbers of a result come from, as lines of a comment.
+
+    Args:
+        tuning: What was tuned.
+        found: The candidates.
+        best: The one that was chosen.
+        confirmed: What the runs said by which it was chosen among the best; None without such.
+        test: What the test says; None if it was not run.
+    """
+    spec, file = tuning.spec, tuning.file
+    ended = ", ended early" if found.interrupted else ""
+    train = Score(best.value or 0.0, best.figures, best.runs)
+    by = f"{spec.sampler}, seed {spec.seed}, {len(found.told)} candidates{ended}; number {best.number}"
+    command = f"circuitkit tune {Path(tuning.document.path).name}"
+    sentences = [
+        f"Found by circuitkit {circuitkit.__version__}: {command} (study {file.study}; {by}).",
+        f"Objective, {'most' if spec.maximise else 'least'}: {objective_in_words(spec)}.",
+        f"Training, seeds {in_words(spec.train.seeds)}: {_figures(spec, train)}.",
+    ]
+    if confirmed is not None and spec.confirm is not None:
+        among = f"Chosen among the best {spec.confirm.best}"
+        sentences.append(f"{among}, seeds {in_words(spec.confirm.seeds)}: {_figures(spec, confirmed)}.")
+    seeds = in_words(spec.test.seeds)
+    sentences.append(f"Test, seeds {seeds}: {_figures(spec, test)}." if test else "The test was not run.")
+    return [line for each in sentences for line in textwrap.wrap(each, _WIDTH - 2, break_on_hyphens=False)]
+
+
+def objective_in_words(spec: TuneSpec) -> str:
+    """Such as `survived of pushed - 0.2 rms_ankle_roll of calm [deg] beyond 0.1 deg`."""
+    parts = []
+    for number, term in enumerate(spec.terms):
+        sign = "-" if term.weight < 0 else "+" if number else ""
+        size = "" if abs(term.weight) == 1 else f"{abs(term.weight):g} "
+        unit = f" [{term.unit}]" if term.unit else ""
+        beyond = f" beyond {term.beyond}" if term.beyond else ""
+        parts.append(f"{sign}{' ' if sign and number else ''}{size}{term.name}{unit}{beyond}")
+    return " ".join(parts)
+
+
+def _figures(spec: TuneSpec, score: Score) -> str:
+    return f"{score.value:.6g} ({', '.join(figures_in_words(spec.terms, score.figures))}; {score.runs} runs)"
+
+
+def figures_in_words(terms: Sequence[Term], figures: Sequence[float]) -> Iterator[str]:
+    """Such as `survived of pushed 0.81`."""
+    for term, figure in zip(terms, figures, strict=True):
+        yield f"{term.name} {figure:.4g}{f' {term.unit}' if term.unit else ''}"

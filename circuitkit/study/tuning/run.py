@@ -1,0 +1,355 @@
+"""`tune`: the file of a tuning in; a tuned circuit, controller or gait out, with its history."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from circuitkit.circuit import CircuitGraph, load_circuit, resolve
+from circuitkit.errors import CircuitkitError, InputError, Problem, UnitError
+from circuitkit.files import OutputError
+from circuitkit.source import Place
+from circuitkit.study.driver import run_points
+from circuitkit.study.jobs import Outcome
+from circuitkit.study.points import fingerprint
+from circuitkit.study.pool import Pool, open_pool
+from circuitkit.study.tuning.cases import Runs
+from circuitkit.study.tuning.history import draw_history, write_table
+from circuitkit.study.tuning.objective import Row, Score, score
+from circuitkit.study.tuning.result import provenance, write_result
+from circuitkit.study.tuning.search import Candidate, Found, Search, Told, run_search, silence_optuna
+from circuitkit.study.tuning.space import Searched
+from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
+from circuitkit.units import format_quantity
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a tuning is.
+
+    Attributes:
+        done: How many candidates have been measured, with the part of those under way.
+        measured: How many candidates have been measured.
+        trials: How many there will be.
+        best: The best one so far; None before the first generation is done.
+        remaining_s: How much longer it will take; None as long as nobody knows.
+        stage: `train`, `confirm` or `test`.
+    """
+
+    done: float
+    measured: int
+    trials: int
+    best: Told | None
+    remaining_s: float | None
+    stage: str = TRAIN
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What a tuning has found.
+
+    Attributes:
+        found: The candidates.
+        best: The one that was chosen.
+        confirmed: What the runs say by which it was chosen among the best; None without such.
+        test: What the test says of it; None if the search was ended early.
+        start: The first candidate, if it could be measured.
+        path: The tuned file.
+    """
+
+    found: Found
+    best: Told
+    confirmed: Score | None
+    test: Score | None
+    start: Told | None
+    path: Path
+
+    def row(self) -> dict[str, Any]:
+        """The result for JSON."""
+        best = self.best
+        return {
+            "result": str(self.path),
+            "trials": len(self.found.told),
+            "interrupted": self.found.interrupted,
+            "best": {"number": best.number, "values": dict(best.settings)},
+            "start": None if self.start is None else _numbers(self.start.value, self.start.figures),
+            "train": _numbers(best.value, best.figures),
+            "confirm": self.confirmed and _numbers(self.confirmed.value, self.confirmed.figures),
+            "test": self.test and _numbers(self.test.value, self.test.figures),
+        }
+
+
+def _numbers(value: float | None, figures: Sequence[float]) -> dict[str, Any]:
+    return {"objective": value, "figures": list(figures)}
+
+
+def tune(
+    study: str | Path | Tuning,
+    folder: str | Path,
+    *,
+    trials: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    storage: str | None = None,
+    resume: bool = False,
+    result: str | Path | None = None,
+    verbose: bool = False,
+    progress: Callable[[Progress], object] | None = None,
+) -> Tuned:
+    """Search for the values with which a circuit, a controller or a gait does best.
+
+    Candidates are measured on training runs only. In the end the best one is measured on the test runs, once.
+
+    Args:
+        study: A study with a section `tune`, its path, or the name of a shipped one.
+        folder: Where the results go: `trials.db`, `trials.csv`, `history.png` and `.pdf`, and the tuned file.
+        trials: How many candidates, instead of the file's number.
+        workers: How many processes; all processors by default.
+        scheduler: Address of a Dask scheduler, instead of processes here.
+        storage: URL of a database of Optuna, instead of `trials.db`.
+        resume: Go on with what is there.
+        result: Where the tuned file goes, instead of the folder.
+        verbose: Let Optuna log.
+        progress: Is told how far it is.
+
+    Returns:
+        What was found; after Ctrl-C, the best so far.
+
+    Raises:
+        InputError: The study is wrong; or there is one already, and it shall not be resumed.
+        MissingDependencyError: Optuna or cmaes are not installed.
+        KeyboardInterrupt: Ctrl-C came before any candidate was measured.
+    """
+    tuning = study if isinstance(study, Tuning) else load_tuning(study)
+    folder = Path(folder)
+    path = Path(result) if result is not None else folder / f"{tuning.spec.result}.yaml"
+    parts = {part: tuning.runs(part) for part in tuning.parts()}
+    check(tuning, parts[TRAIN])
+    silence_optuna(verbose=verbose)
+    search = _search(tuning, parts[TRAIN])
+    total = trials or tuning.spec.trials
+    with open_pool(workers, scheduler) as pool:
+        clock = _Clock(total, progress)
+        measure = Measure(tuning, parts[TRAIN], pool, clock.runs)
+        found = run_search(
+            search, storage or _database(folder), total, measure, resume=resume, before=clock.generation
+        )
+        if not any(told.value is not None for told in found.told) and found.interrupted:
+            raise KeyboardInterrupt
+        best, confirmed, test = _chosen(tuning, found, parts, pool, clock)
+    write_table(tuning, found, folder / "trials.csv")
+    for suffix in ("png", "pdf"):
+        draw_history(tuning, found, best, search.size, folder / f"history.{suffix}")
+    write_result(tuning, best.settings, provenance(tuning, found, best, confirmed, test), path)
+    start = next((told for told in found.told if told.number == 0 and told.value is not None), None)
+    return Tuned(found, best, confirmed, test, start, path)
+
+
+def _chosen(
+    tuning: Tuning, found: Found, parts: Mapping[str, tuple[Runs, ...]], pool: Pool, clock: _Clock
+) -> tuple[Told, Score | None, Score | None]:
+    """The best candidate with what confirmation and test say of it, if the search was not ended early."""
+    best, confirmed = found.best, None
+    if found.interrupted:
+        return best, None, None
+    try:
+        if tuning.spec.confirm is not None:
+            clock.stage = CONFIRM
+            finalists = found.ranking()[: tuning.spec.confirm.best]
+            scores = Measure(tuning, parts[CONFIRM], pool, clock.runs)([each.settings for each in finalists])
+            sign = -1.0 if found.maximise else 1.0
+            sound = [(s, each) for s, each in zip(scores, finalists, strict=True) if isinstance(s, Score)]
+            confirmed, best = min(sound, key=lambda pair: sign * pair[0].value, default=(None, best))
+        clock.stage = TEST
+        (test,) = Measure(tuning, parts[TEST], pool, clock.runs)([best.settings])
+    except KeyboardInterrupt:
+        return best, confirmed, None
+    if isinstance(test, CircuitkitError):
+        raise test
+    return best, confirmed, test
+
+
+def _database(folder: Path) -> str:
+    """The URL of the database in a folder, which is made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"cannot write to '{folder}': {error.strerror}"
+        raise OutputError(message) from error
+    return f"sqlite:///{folder.resolve() / 'trials.db'}"
+
+
+def _search(tuning: Tuning, runs: Sequence[Runs]) -> Search:
+    spec = tuning.spec
+    inputs = [
+        dict(each.study.point({**each.cases[0].settings, **tuning.settings({})}).inputs) for each in runs
+    ]
+    return Search(
+        name=tuning.file.study,
+        parameters=spec.parameters,
+        start=start_of(tuning),
+        sampler=spec.sampler,
+        seed=spec.seed,
+        maximise=spec.maximise is not None,
+        generation=spec.generation,
+        spread=spec.spread,
+        definition=fingerprint((tuning.definition(), inputs)),
+    )
+
+
+def start_of(tuning: Tuning) -> dict[str, Any]:
+    """The first candidate: what the file gives, else what the base has, else the middle of the range."""
+    graph = resolve(load_circuit(tuning.base)) if tuning.spec.target == "circuit" else None
+    start = {}
+    for name, searched in tuning.spec.parameters.items():
+        own = None if graph is None else _own_value(graph, name, searched)
+        start[name] = tuning.start.get(name, searched.middle() if own is None else own)
+    return start
+
+
+def _own_value(graph: CircuitGraph, name: str, searched: Searched) -> Any:  # noqa: ANN401 - as Optuna holds it
+    """The value that a circuit has by itself; None if it is not known, or outside of what is searched."""
+    if searched.choices is not None:
+        return graph.timing if name == "timing" and graph.timing in searched.choices else None
+    if (quantity := graph.parameters.get(name)) is not None:
+        value = quantity.value_si
+    else:
+        node, _, key = name.rpartition(".")
+        parameters = next((each.parameters for each in graph.neurons if each.name == node), {})
+        if key not in parameters:
+            return None
+        value = float(parameters[key])
+    try:
+        return searched.number(format_quantity(value, searched.unit, 17))
+    except UnitError:
+        return None
+
+
+@dataclass
+class Measure:
+    """Measures candidates together: all runs of all of them on the pool.
+
+    Attributes:
+        tuning: What is tuned.
+        runs: By which runs.
+        pool: Where they run.
+        progress: Is told how many of how many runs are done.
+    """
+
+    tuning: Tuning
+    runs: Sequence[Runs]
+    pool: Pool
+    progress: Callable[[int, int], object] | None = None
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Score | CircuitkitError]:
+        """The scores of candidates, or why they have none, in order."""
+        total = len(candidates) * sum(each.count for each in self.runs)
+        outcomes: dict[str, list[Sequence[Outcome] | CircuitkitError]] = {}
+        before = 0
+        for each in self.runs:
+            settings = [
+                {**case.settings, **self.tuning.settings(candidate)}
+                for candidate in candidates
+                for case in each.cases
+            ]
+            report = None if self.progress is None else _from(before, total, self.progress)
+            outcomes[each.name] = list(
+                run_points(each.study, settings, each.seeds, self.pool, progress=report)
+            )
+            before += len(settings) * len(each.seeds)
+        return [self._score(number, outcomes) for number in range(len(candidates))]
+
+    def _score(
+        self, number: int, outcomes: Mapping[str, Sequence[Sequence[Outcome] | CircuitkitError]]
+    ) -> Score | CircuitkitError:
+        rows: dict[str, list[list[Row]]] = {}
+        for each in self.runs:
+            size = len(each.cases)
+            rows[each.name] = []
+            for outcome in outcomes[each.name][number * size : (number + 1) * size]:
+                if isinstance(outcome, CircuitkitError):
+                    return outcome
+                rows[each.name].append([run.row() for run in outcome])
+        return score(self.tuning.spec.terms, {each.name: each.cases for each in self.runs}, rows)
+
+
+def _from(before: int, total: int, progress: Callable[[int, int], object]) -> Callable[[int, int], object]:
+    """Progress that begins behind what is done already."""
+    return lambda done, _: progress(before + done, total)
+
+
+@dataclass
+class _Clock:
+    """Tells how far it is, and how much longer it will take by what it took so far.
+
+    Attributes:
+        trials: How many candidates there will be.
+        tell: Is told.
+        stage: `train`, `confirm` or `test`.
+    """
+
+    trials: int
+    tell: Callable[[Progress], object] | None
+    stage: str = TRAIN
+    _began: float = field(default_factory=time.monotonic)
+    _found: Found = field(default_factory=lambda: Found((), maximise=True))
+    _before: int = 0  # candidates that an earlier run had measured
+    _under_way: int = 0
+
+    def generation(self, found: Found, under_way: int) -> None:
+        """What has been found before a generation of so many candidates begins."""
+        if not self._under_way:
+            self._before, self._began = len(found.told), time.monotonic()
+        self._found, self._under_way = found, under_way
+        self.runs(0, 1)
+
+    def runs(self, done: int, total: int) -> None:
+        """So many runs of so many that are under way are done."""
+        if self.tell is None:
+            return
+        under_way = self._under_way if self.stage == TRAIN else 0
+        candidates = len(self._found.told) + under_way * done / max(total, 1)
+        new, elapsed = candidates - self._before, time.monotonic() - self._began
+        left = (self.trials - candidates) * elapsed / new if new > 0 else None
+        best = next(iter(self._found.ranking()), None)
+        self.tell(Progress(candidates, len(self._found.told), self.trials, best, left, self.stage))
+
+
+def check(tuning: Tuning, runs: Sequence[Runs]) -> None:
+    """See whether what is searched exists and may have the values of its range, and the cases are sound.
+
+    Raises:
+        InputError: With everything that is not; says where in the file of the tuning.
+    """
+    spec, document = tuning.spec, tuning.document
+    problems: list[Problem] = []
+    for each in runs:
+        for case in each.cases:
+            try:
+                each.study.point({**case.settings, **tuning.settings({})})
+            except InputError as error:
+                problems += [_placed(tuning, problem, ("tune", spec.target)) for problem in error.problems]
+    for name, searched in () if problems else spec.parameters.items():
+        ends = searched.choices or (searched.low, searched.high)
+        for text in map(str, ends):
+            try:
+                runs[0].study.point({**runs[0].cases[0].settings, **tuning.settings({name: text})})
+            except InputError as error:
+                at_key = any(not problem.file for problem in error.problems)
+                found = error.problems[0]
+                place: Place = ("tune", "parameters", name)
+                problems.append(document.problem(place, found.message, found.hint, at_key=at_key))
+                break
+    if problems:
+        unique = dict.fromkeys(problems)
+        raise InputError(*sorted(unique, key=lambda each: (each.file, each.line, each.column)))
+
+
+def _placed(tuning: Tuning, problem: Problem, place: Place) -> Problem:
+    """A problem with a place in the file of the tuning, if it has none of its own."""
+    if problem.file:
+        return problem
+    return replace(tuning.document.problem(place, problem.message, problem.hint), where=problem.where)

@@ -1,0 +1,339 @@
+"""The search: Optuna proposes a generation of candidates, all of them are measured together, and it is told.
+
+Everything that the samplers know is in Optuna's storage, and each candidate is drawn by a seed of its own, so
+a search that was stopped goes on as if it had not been: candidates that were proposed and never measured are
+measured first, then the next ones are proposed as they would have been.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import sqlite3
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from circuitkit.errors import CircuitkitError, InputError, MissingDependencyError, Problem, SimulationError
+from circuitkit.study.tuning.objective import Score
+from circuitkit.study.tuning.space import Searched, texts
+
+try:
+    import optuna
+    from optuna.trial import FrozenTrial, TrialState
+
+    importlib.import_module("cmaes")  # which Optuna would miss only later
+except ImportError as missing:  # an extra
+    raise MissingDependencyError(missing.name or "optuna", "tune", "tuning") from missing
+
+Candidate = Mapping[str, str]
+Evaluate = Callable[[Sequence[Candidate]], Sequence[Score | CircuitkitError]]
+
+_DEFINITION = "circuitkit:definition"
+_SETTINGS, _FIGURES, _ERROR, _RUNS = "settings", "figures", "error", "runs"
+_TPE_GENERATION = 10
+_FIXED = "fixed_params"  # how Optuna marks a trial that was put into its queue
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is searched, and how.
+
+    Attributes:
+        name: Name of the study in the storage.
+        parameters: What is searched, by name.
+        start: The first candidate, as values of the distributions; empty for none.
+        sampler: `cmaes` or `tpe`.
+        seed: Of the sampler.
+        maximise: Whether more is better.
+        generation: How many candidates are measured together; None for the sampler's own number.
+        spread: For `cmaes`: standard deviation of the first generation, as a share of the ranges.
+        definition: What the objective depends on; a search only resumes with the same.
+    """
+
+    name: str
+    parameters: Mapping[str, Searched]
+    start: Mapping[str, Any]
+    sampler: Literal["cmaes", "tpe"]
+    seed: int
+    maximise: bool
+    generation: int | None = None
+    spread: float = 1.0 / 6.0
+    definition: str = ""
+
+    @property
+    def size(self) -> int:
+        """How many candidates are measured together; CMA-ES: 4 + 3 ln n by default (Hansen 2016, eq. 48)."""
+        if self.generation is not None:
+            return self.generation
+        dimensions = len(self.parameters)
+        return 4 + math.floor(3 * math.log(dimensions)) if self.sampler == "cmaes" else _TPE_GENERATION
+
+
+@dataclass(frozen=True)
+class Told:
+    """A candidate that was measured.
+
+    Attributes:
+        number: From 0, in the order of being proposed.
+        settings: Its values, as texts.
+        value: The objective; None if it could not be measured.
+        figures: The figures of the objective's terms.
+        runs: How many runs they were taken of.
+        error: Why it could not be measured; else empty.
+    """
+
+    number: int
+    settings: Candidate
+    value: float | None
+    figures: tuple[float, ...]
+    runs: int = 0
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search has found.
+
+    Attributes:
+        told: The candidates that were measured, in the order of being proposed.
+        maximise: Whether more is better.
+        interrupted: Whether Ctrl-C ended it.
+    """
+
+    told: tuple[Told, ...]
+    maximise: bool
+    interrupted: bool = False
+
+    def ranking(self) -> list[Told]:
+        """The candidates, best first, each once; of equally good ones the earlier one."""
+        sign = -1.0 if self.maximise else 1.0
+        order = sorted(
+            (each for each in self.told if each.value is not None),
+            key=lambda each: (sign * (each.value or 0.0), each.number),
+        )
+        unique: dict[str, Told] = {}
+        for each in order:
+            unique.setdefault(json.dumps(dict(each.settings)), each)
+        return list(unique.values())
+
+    @property
+    def best(self) -> Told:
+        """The best candidate.
+
+        Raises:
+            SimulationError: None could be measured.
+        """
+        ranking = self.ranking()
+        if not ranking:
+            reasons = "; ".join(dict.fromkeys(each.error for each in self.told if each.error))
+            message = f"no candidate could be measured{f': {reasons}' if reasons else ''}"
+            raise SimulationError(message)
+        return ranking[0]
+
+
+def run_search(
+    search: Search,
+    storage: str,
+    trials: int,
+    evaluate: Evaluate,
+    *,
+    resume: bool = False,
+    before: Callable[[Found, int], object] | None = None,
+) -> Found:
+    """Search until so many candidates have been proposed, those of earlier runs included.
+
+    Ctrl-C ends it early; what has been told is kept.
+
+    Args:
+        search: What is searched.
+        storage: URL of a database, such as `sqlite:///out/trials.db`.
+        trials: How many candidates.
+        evaluate: Measures candidates together.
+        resume: Go on with what the storage has, instead of refusing it.
+        before: Is told what has been found before each generation, and how many candidates that has.
+
+    Raises:
+        InputError: The storage has a study of this name already, or one with another definition; or it cannot
+            be opened.
+        CircuitkitError: All candidates of a generation fail: the first reason.
+    """
+    study = _open(search, storage, resume=resume)
+    proposer = _Proposer(search, study)
+    found = _found(search, study)
+    try:
+        while generation := proposer.propose(trials):
+            if before is not None:
+                before(found, len(generation))
+            scores = evaluate([texts(search.parameters, trial.params) for trial in generation])
+            for trial, score in zip(generation, scores, strict=True):
+                _tell(search, study, trial, score)
+            found = _found(search, study)
+            failures = [score for score in scores if isinstance(score, CircuitkitError)]
+            if len(failures) == len(generation):
+                raise failures[0]
+    except KeyboardInterrupt:
+        return Found(_found(search, study).told, search.maximise, interrupted=True)
+    return found
+
+
+def _open(search: Search, storage: str, *, resume: bool) -> optuna.Study:
+    """The study in its storage, new or to be resumed."""
+    from sqlalchemy.exc import SQLAlchemyError
+
+    direction: Literal["maximize", "minimize"] = "maximize" if search.maximise else "minimize"
+    try:
+        names = optuna.get_all_study_names(storage)
+        if search.name in names and not resume:
+            message = f"found a study '{search.name}' in {storage} already"
+            hint = "go on with it by --resume, or choose another folder or storage"
+            raise InputError(Problem("", 0, 0, "--storage", message, hint))
+        study = optuna.create_study(
+            storage=_database(storage), study_name=search.name, direction=direction, load_if_exists=resume
+        )
+    except (ImportError, SQLAlchemyError, ValueError) as error:  # no driver, no database, no URL
+        message = (
+            f"cannot open '{storage}': {str(error).splitlines()[0]}; allowed: a URL such as sqlite:///x.db"
+        )
+        raise InputError(Problem("", 0, 0, "--storage", message)) from error
+    before = study.user_attrs.get(_DEFINITION)
+    if before is None:
+        study.set_user_attr(_DEFINITION, search.definition)
+        if search.start:
+            study.enqueue_trial(dict(search.start))
+    elif before != search.definition:
+        message = f"the study '{search.name}' was begun with another file: its tune section has changed since"
+        hint = "undo the change, or begin anew in another folder or storage"
+        raise InputError(Problem("", 0, 0, "--resume", message, hint))
+    return study
+
+
+def _database(url: str) -> optuna.storages.RDBStorage:
+    """The storage of a URL; SQLite with a log instead of a flush to the disk a value."""
+    if not url.startswith("sqlite:"):
+        return optuna.storages.RDBStorage(url)
+
+    class Connection(sqlite3.Connection):
+        def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - as sqlite3 declares it
+            super().__init__(*arguments, **options)
+            self.execute("PRAGMA journal_mode=WAL")
+            self.execute("PRAGMA synchronous=NORMAL")
+
+    return optuna.storages.RDBStorage(url, engine_kwargs={"connect_args": {"factory": Connection}})
+
+
+class _Cmaes(optuna.samplers.CmaEsSampler):
+    """Optuna's CMA-ES from the first generation on, where it would draw the first candidate at random."""
+
+    def __init__(self, search: Search, space: Mapping[str, Any], seed: int) -> None:
+        start = dict(search.start) or None
+        with (
+            warnings.catch_warnings()
+        ):  # x0 and sigma0 go away with Optuna 6, margins are called experimental
+            warnings.simplefilter("ignore")
+            super().__init__(
+                x0=start,
+                sigma0=search.spread,
+                n_startup_trials=0,
+                popsize=search.size,
+                seed=seed,
+                with_margin=any(each.whole for each in search.parameters.values()),
+            )
+        self._space = dict(space)
+        self._seed = seed
+
+    def _init_optimizer(self, *arguments: Any) -> Any:  # noqa: ANN401 - as Optuna declares it
+        """The first state of CMA-ES; what is drawn then shall not depend on whether this was asked for."""
+        optimizer = super()._init_optimizer(*arguments)
+        self._cma_rng.rng.seed(self._seed)
+        return optimizer
+
+    def infer_relative_search_space(self, study: optuna.Study, trial: FrozenTrial) -> dict[str, Any]:
+        """Everything, but for the start, which is no member of a generation."""
+        del study
+        return {} if _FIXED in trial.system_attrs else self._space
+
+
+class _Proposer:
+    """Asks Optuna for candidates, a generation at a time."""
+
+    def __init__(self, search: Search, study: optuna.Study) -> None:
+        self._search, self._study = search, study
+        self._space = {name: each.distribution() for name, each in search.parameters.items()}
+
+    def propose(self, trials: int) -> list[FrozenTrial]:
+        """The candidates of the next generation: those that nobody has measured yet, and new ones.
+
+        Args:
+            trials: How many candidates there may be in all.
+        """
+        study = self._study
+        every = study.get_trials(deepcopy=False)
+        proposed = [each for each in every if each.state in {TrialState.COMPLETE, TrialState.RUNNING}]
+        waiting = [each for each in proposed if each.state == TrialState.RUNNING]
+        for broken in [each for each in waiting if set(each.params) != set(self._space)]:
+            study.tell(broken.number, state=TrialState.FAIL)  # the end came while it was being proposed
+            waiting.remove(broken)
+            proposed.remove(broken)
+        left = trials - sum(each.state != TrialState.WAITING for each in every)
+        measured = len(proposed) - len(waiting)
+        for _ in range(min(self._end_of_generation(measured) - len(proposed), left)):
+            number = len(study.get_trials(deepcopy=False, states=_NUMBERED))
+            study.sampler = self._sampler(number)
+            study.ask(self._space)
+        running = study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+        return sorted(running, key=lambda each: each.number)
+
+    def _end_of_generation(self, measured: int) -> int:
+        """How many candidates there are once this generation is whole; the start goes with the first."""
+        first = 1 if self._search.start else 0
+        whole = max(measured - first, 0) // self._search.size
+        return first + (whole + 1) * self._search.size
+
+    def _sampler(self, number: int) -> optuna.samplers.BaseSampler:
+        """The sampler for a candidate, with a seed of its own; all that it knows is in the storage."""
+        seed = int(np.random.SeedSequence([self._search.seed, number]).generate_state(1)[0])
+        if self._search.sampler == "cmaes":
+            return _Cmaes(self._search, self._space, seed)
+        return optuna.samplers.TPESampler(seed=seed)
+
+
+_NUMBERED = (TrialState.COMPLETE, TrialState.RUNNING, TrialState.FAIL, TrialState.PRUNED)
+
+
+def _tell(search: Search, study: optuna.Study, trial: FrozenTrial, score: Score | CircuitkitError) -> None:
+    """Keep the score of a candidate."""
+    storage, number = study._storage, trial._trial_id  # no public name sets an attribute of an asked trial
+    storage.set_trial_user_attr(number, _SETTINGS, texts(search.parameters, trial.params))
+    if isinstance(score, CircuitkitError) or not math.isfinite(score.value):
+        reason = str(score) if isinstance(score, CircuitkitError) else "the objective is not finite"
+        storage.set_trial_user_attr(number, _ERROR, reason)
+        study.tell(trial.number, state=TrialState.FAIL)
+        return
+    storage.set_trial_user_attr(number, _FIGURES, list(score.figures))
+    storage.set_trial_user_attr(number, _RUNS, score.runs)
+    study.tell(trial.number, score.value)
+
+
+def _found(search: Search, study: optuna.Study) -> Found:
+    told = [
+        Told(
+            trial.number,
+            trial.user_attrs.get(_SETTINGS, {}),
+            trial.value,
+            tuple(trial.user_attrs.get(_FIGURES, ())),
+            trial.user_attrs.get(_RUNS, 0),
+            trial.user_attrs.get(_ERROR, ""),
+        )
+        for trial in study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.FAIL))
+    ]
+    return Found(tuple(sorted(told, key=lambda each: each.number)), search.maximise)
+
+
+def silence_optuna(*, verbose: bool) -> None:
+    """Let Optuna log only where somebody asked for it."""
+    optuna.logging.set_verbosity(optuna.logging.INFO if verbose else optuna.logging.ERROR)

@@ -1,0 +1,287 @@
+"""The file of a tuning: a study with a section `tune`."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from circuitkit.circuit.spec import PLAIN_NAME_PATTERN
+from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.source import Document, FileModel, Place, find_data_file, read_yaml, validate_model
+from circuitkit.source.fields import Ratio, Seconds
+from circuitkit.study.spec import FOLDER, Seeds
+from circuitkit.study.tuning.cases import Runs, RunSet, in_words, make_runs
+from circuitkit.study.tuning.objective import LIMIT, Term
+from circuitkit.study.tuning.space import QuantityText, Searched, start_values
+from circuitkit.units import parse_quantity
+
+TARGETS = ("circuit", "controller", "gait")
+SEED = "seed"
+TRAIN, TEST, CONFIRM = "train", "test", "confirm"
+
+
+def _terms(value: object) -> object:
+    """A figure by its name alone is a list of one term."""
+    if isinstance(value, str):
+        return ({"figure": value},)
+    if isinstance(value, Mapping):
+        return (value,)
+    return (
+        tuple({"figure": each} if isinstance(each, str) else each for each in value)
+        if isinstance(value, list)
+        else value
+    )
+
+
+Terms = Annotated[tuple[Term, ...], BeforeValidator(_terms), Field(min_length=1)]
+
+
+class Part(FileModel):
+    """What candidates are measured by at one time."""
+
+    seeds: Seeds
+    runs: dict[str, RunSet] = Field(
+        default={}, description="Sets of runs that differ from those of the same name above."
+    )
+
+
+class Confirmation(Part):
+    """The best few are measured once more, by runs that the search has not seen; the best is taken."""
+
+    best: int = Field(default=5, ge=2, description="How many.")
+
+
+class TuneSpec(FileModel):
+    """What is tuned, what for, and by which runs."""
+
+    circuit: str | None = Field(default=None, description="A circuit: a shipped one, or its path.")
+    controller: str | None = Field(default=None, description="Instead: a controller file.")
+    gait: str | None = Field(default=None, description="Instead: a gait file.")
+    parameters: dict[str, Searched] = Field(
+        min_length=1, description="What is searched: values of the file by name, as --set takes them."
+    )
+    start: dict[str, QuantityText] = Field(default={}, description="The first candidate, by name.")
+    maximise: Terms | None = Field(default=None, description="The objective, a weighted sum of figures.")
+    minimise: Terms | None = Field(default=None, description="Instead of maximise.")
+    runs: dict[str, RunSet] = Field(min_length=1, description="Sets of runs, by name.")
+    train: Part = Field(description="By what candidates are compared.")
+    test: Part = Field(description="By what the best one is measured in the end, and only then.")
+    confirm: Confirmation | None = Field(default=None, description="How the best of the best is chosen.")
+    apart: tuple[str, ...] = Field(
+        default=(), description="Fields whose values in training must not occur in the test, beside seeds."
+    )
+    sampler: Literal["cmaes", "tpe"] = Field(default="cmaes", description="Of Optuna.")
+    trials: int = Field(default=200, ge=1, description="How many candidates are tried.")
+    generation: int | None = Field(default=None, ge=2, description="How many candidates are run together.")
+    spread: Ratio = Field(
+        default=1 / 6, gt=0, le=1, description="cmaes: how widely it searches first, in parts of the ranges."
+    )
+    seed: int = Field(default=0, ge=0, description="Of the sampler.")
+    result: str = Field(pattern=PLAIN_NAME_PATTERN, description="Name of what comes out.")
+
+    @model_validator(mode="after")
+    def _one_target_and_one_direction(self) -> TuneSpec:
+        for keys in (TARGETS, ("maximise", "minimise")):
+            given = [key for key in keys if getattr(self, key) is not None]
+            if len(given) != 1:
+                message = f"found {' and '.join(given) or 'none'} of {', '.join(keys)}; allowed: one of them"
+                raise ValueError(message)
+        if self.sampler == "cmaes" and (chosen := [k for k, v in self.parameters.items() if v.choices]):
+            message = f"found choices for {', '.join(chosen)}; allowed: ranges only, or the sampler tpe"
+            raise ValueError(message)
+        return self
+
+    @property
+    def target(self) -> str:
+        """What is tuned: `circuit`, `controller` or `gait`."""
+        return next(key for key in TARGETS if getattr(self, key) is not None)
+
+    @property
+    def base(self) -> str:
+        """The file that is tuned."""
+        return str(getattr(self, self.target))
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The terms of the objective."""
+        return self.maximise or self.minimise or ()
+
+
+class TuningFile(FileModel):
+    """A tuning."""
+
+    study: str = Field(description="Name.")
+    description: str = ""
+    scenario: str = Field(description="A shipped scenario, or the path of a scenario file.")
+    set: dict[str, Any] = Field(default={}, description="Fields, by path, that differ from the scenario's.")
+    watch: Seconds | None = Field(
+        default=None, gt=0, description="Runs end this long after the end of the last push."
+    )
+    tune: TuneSpec
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A tuning, with line and column of every part.
+
+    Attributes:
+        file: What it says.
+        document: Where it says it.
+    """
+
+    file: TuningFile
+    document: Document
+
+    @property
+    def spec(self) -> TuneSpec:
+        """The section `tune`."""
+        return self.file.tune
+
+    @property
+    def base(self) -> str:
+        """The file that is tuned; a relative path counts from the study's folder if it is there."""
+        path = Path(self.spec.base)
+        beside = Path(self.document.path).parent / path
+        is_there = bool(path.suffix) and not path.is_absolute() and beside.is_file()
+        return str(beside) if is_there else self.spec.base
+
+    @cached_property
+    def start(self) -> dict[str, Any]:
+        """The start that the file gives, as values of Optuna's distributions."""
+        return start_values(self.spec.parameters, self.spec.start, self.document)
+
+    def runs(self, part: str) -> tuple[Runs, ...]:
+        """The runs of a part.
+
+        Args:
+            part: `train`, `test` or `confirm`.
+
+        Raises:
+            InputError: An axis or a scale is wrong.
+        """
+        spec: Part = getattr(self.spec, part)
+        found = []
+        for name, runs in {**self.spec.runs, **spec.runs}.items():
+            place: Place = ("tune", part, "runs", name) if name in spec.runs else ("tune", "runs", name)
+            found.append(make_runs(name, runs, spec.seeds, self.document, place))
+        return tuple(found)
+
+    def parts(self) -> tuple[str, ...]:
+        """The parts that there are."""
+        return (TRAIN, TEST) if self.spec.confirm is None else (TRAIN, CONFIRM, TEST)
+
+    def settings(self, candidate: Mapping[str, str]) -> dict[str, Any]:
+        """A candidate as fields of the scenario."""
+        target = self.spec.target
+        own: dict[str, Any] = {"controller": "circuit"} if target == "circuit" else {}
+        own[target] = self.base
+        return own | {f"{target}.{name}": text for name, text in candidate.items()}
+
+    def definition(self) -> str:
+        """All that the objective depends on, as text; neither the number of trials nor words."""
+        data = self.file.model_dump(mode="json", by_alias=True, exclude={"description": True})
+        for key in ("trials", "result", CONFIRM, TEST):
+            data["tune"].pop(key)
+        return json.dumps(data, ensure_ascii=False, sort_keys=True)
+
+
+def load_tuning(name_or_path: str | Path) -> Tuning:
+    """Read the file of a tuning, and check all of it that needs no run.
+
+    Args:
+        name_or_path: A path, or the name of a shipped study.
+
+    Raises:
+        InputError: It cannot be read, or training and test overlap; says where and why.
+    """
+    document = read_yaml(find_data_file(name_or_path, FOLDER))
+    data = document.data
+    if isinstance(data, dict) and "study" in data and "tune" not in data:
+        message = "the study has no section 'tune'; allowed: a study with one, see docs/tuning.md"
+        raise InputError(document.problem((), message))
+    tuning = Tuning(validate_model(document, TuningFile), document)
+    problems = [*_names(tuning), *_overlaps(tuning)]
+    if problems:
+        raise InputError(*sorted(problems, key=lambda each: (each.line, each.column)))
+    _ = tuning.start
+    return tuning
+
+
+def _names(tuning: Tuning) -> Iterator[Problem]:
+    """Names that name nothing."""
+    spec, document = tuning.spec, tuning.document
+    for name in spec.start:
+        if name not in spec.parameters:
+            message = f"'{name}' is not searched; allowed: {listing(spec.parameters)}"
+            hint = suggest(name, spec.parameters)
+            yield document.problem(("tune", "start", name), message, hint, at_key=True)
+    direction = "maximise" if spec.maximise else "minimise"
+    for number, term in enumerate(spec.terms):
+        place: Place = ("tune", direction, number)
+        if term.runs is None and len(spec.runs) > 1:
+            message = f"found several sets of runs; allowed: runs, one of {listing(spec.runs)}"
+            yield document.problem(place, message)
+        elif term.runs is not None and term.runs not in spec.runs:
+            message = f"unknown runs '{term.runs}'; allowed: {listing(spec.runs)}"
+            yield document.problem((*place, "runs"), message, suggest(term.runs, spec.runs))
+        elif term.figure == LIMIT and not spec.runs[term.runs or next(iter(spec.runs))].scale:
+            message = "found the figure limit of runs without a scale; allowed: runs with a scale"
+            yield document.problem((*place, "figure"), message)
+    for part in tuning.parts():
+        for name in getattr(spec, part).runs:
+            if name not in spec.runs:
+                message = f"unknown runs '{name}'; allowed: {listing(spec.runs)}"
+                hint = suggest(name, spec.runs)
+                yield document.problem(("tune", part, "runs", name), message, hint, at_key=True)
+
+
+def _overlaps(tuning: Tuning) -> Iterator[Problem]:
+    """What the test has in common with what the search may see."""
+    spec, document = tuning.spec, tuning.document
+    known = [(part, getattr(spec, part).seeds) for part in tuning.parts()]
+    for (part, seeds), (other, others) in itertools.combinations(known, 2):
+        if common := sorted(set(seeds.each()) & set(others.each())):
+            message = (
+                f"the seeds {in_words(others)} of {other} and {in_words(seeds)} of {part} have "
+                f"{listing(map(str, common))} in common; allowed: seeds of its own"
+            )
+            yield document.problem(("tune", other, "seeds"), message)
+    for number, field in enumerate(spec.apart):
+        tested = _values(tuning.runs(TEST), field)
+        for part in tuning.parts()[:-1]:
+            if common := [text for key, text in _values(tuning.runs(part), field).items() if key in tested]:
+                message = (
+                    f"'{field}' is {listing(common)} in {part} and in the test; "
+                    "allowed: other values in the test, by test: {runs: ...}"
+                )
+                yield document.problem(("tune", "apart", number), message)
+        if not tested:
+            message = f"no runs set '{field}'; allowed: a field that set or an axis gives a value"
+            yield document.problem(("tune", "apart", number), message)
+
+
+def _values(runs: tuple[Runs, ...], field: str) -> dict[object, str]:
+    """The values of a field in sets of runs as texts, by what is equal for equal ones (0.1 s and 100 ms)."""
+    values: dict[object, str] = {}
+    for each in runs:
+        for case in each.cases:
+            found = {**each.study.file.set, **case.settings}
+            if field in found:
+                text = str(found[field])
+                values.setdefault(_comparable(text), text)
+    return values
+
+
+def _comparable(text: str) -> object:
+    try:
+        quantity = parse_quantity(text)
+    except UnitError:
+        return text
+    return quantity.dimension, quantity.value_si
