@@ -19,6 +19,8 @@ from circuitkit.cli import (
     schema,
     show,
     simulate,
+    sweep,
+    tune,
     validate,
 )
 
@@ -34,7 +36,22 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 
-for _module in (init, validate, format, show, diff, draw, run, schema, simulate, compare, design, bench):
+for _module in (
+    init,
+    validate,
+    format,
+    show,
+    diff,
+    draw,
+    run,
+    schema,
+    simulate,
+    compare,
+    sweep,
+    tune,
+    design,
+    bench,
+):
     _module.register(app)
 
 COMMANDS = tuple(command.callback.__name__ for command in app.registered_commands if command.callback)

@@ -9,12 +9,12 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from circuitkit.study.driver import run_points, run_studies, sweep
     from circuitkit.study.jobs import Outcome
     from circuitkit.study.points import Point
     from circuitkit.study.pool import Pool, open_pool
     from circuitkit.study.results import Limit, Results, Share, read_results, wilson_interval
     from circuitkit.study.spec import Cell, Study, load_study, make_study
-    from circuitkit.study.driver import run_points, run_studies, sweep
 
 __all__ = [
     "Cell",

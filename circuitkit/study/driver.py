@@ -1,32 +1,22 @@
-"""Studies, run: cells ask for runs, runs that fit together go to the workers in batches, outcomes come back.
-
-Which worker does what, and how many runs go into a batch, changes nothing in what comes out: a cell asks by
-what its own runs have shown, and a run's outcome is its own.
-"""
+"""Running studies: `sweep` to a folder, `run_studies` and `run_points` in memory."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
 
-from circuitkit.errors import CircuitkitError, InputError
+from circuitkit.errors import CircuitkitError
 from circuitkit.files import OutputError
 from circuitkit.simulate.disturbance import Trial
-from circuitkit.study.jobs import Done, Job, Outcome
+from circuitkit.study.board import PointsByCell, Progress, Task, boundary_of, drive
+from circuitkit.study.jobs import Job, Outcome, run_job
 from circuitkit.study.points import Point
 from circuitkit.study.pool import Pool, open_pool
-from circuitkit.study.results import Results, Run, row_of, rows_of
-from circuitkit.study.search import Asker, Boundary, Wanted, grid_runs
+from circuitkit.study.results import Results, row_of
 from circuitkit.study.spec import Settings, Study
-
-BATCH = 32  # runs in a batch, at most
-_LEAST = 4  # a batch is not cut smaller to keep a worker busy
-
-Progress: TypeAlias = Callable[[int, int], object]
 
 
 def sweep(
@@ -50,7 +40,8 @@ def sweep(
         workers: Processes; by default one for each processor.
         resume: Go on with what the folder has, and do not run it again.
         scheduler: Address of a Dask scheduler whose workers are used instead.
-        progress: Show a bar on a terminal; or is told how many runs are done and about how many there will be.
+        progress: Show a bar on a terminal; or is told how many runs are done, and about how many there will
+            be.
         batch: Runs that a worker steps together, at most.
         pool: Workers that are there already, instead of `workers` and `scheduler`.
 
@@ -63,13 +54,15 @@ def sweep(
     from circuitkit.study.store import Store
 
     store = Store(Path(folder))
-    points = _Points(study)
+    points = PointsByCell(study)
     known = store.begin(study, points.inputs(), resume=resume)
-    task = _Task(study, points, known)
+    task = Task(study, points, known)
     workplace = nullcontext(pool) if pool is not None else open_pool(workers, scheduler)
     try:
         with workplace as used, _shown(progress, study.name) as tell:
-            _drive([task], used, batch, tell, lambda _, runs: store.add(study, [row_of(study, r) for r in runs]))
+            drive(
+                [task], used, batch, tell, lambda _, runs: store.add(study, [row_of(study, r) for r in runs])
+            )
         if task.error is not None:
             raise task.error
         results = task.results()
@@ -97,8 +90,8 @@ def run_studies(
     Returns:
         The results of each study, or what keeps one of its cells from being run.
     """
-    tasks = [_Task(study, _Points(study), {}) for study in studies]
-    _drive(tasks, pool, batch, progress)
+    tasks = [Task(study, PointsByCell(study), {}) for study in studies]
+    drive(tasks, pool, batch, progress)
     return [task.results() if task.error is None else task.error for task in tasks]
 
 
@@ -126,271 +119,13 @@ def run_points(
     """
     each = tuple(seeds)
     plain = study.with_({"axes": None, "search": None, "seeds": {"first": 0, "count": 1}})
-    tasks = [_Task(plain, _Points(plain, settings), {}, each) for settings in points]
-    _drive(tasks, pool, batch, progress)
+    tasks = [Task(plain, PointsByCell(plain, settings), {}, each) for settings in points]
+    drive(tasks, pool, batch, progress)
     found: list[tuple[Outcome, ...] | CircuitkitError] = []
     for task in tasks:
         by_seed = {run.outcome.seed: run.outcome for run in task.runs}
         found.append(task.error if task.error is not None else tuple(by_seed[seed] for seed in each))
     return found
-
-
-class _Points:
-    """The points of a study by cell and number of the searched value; each is made when it is asked for."""
-
-    def __init__(self, study: Study, settings: Settings | None = None) -> None:
-        self._study = study
-        self._settings = settings
-        self._made: dict[tuple[int, int], Point] = {}
-
-    def __call__(self, cell: int, index: int) -> Point:
-        if (cell, index) not in self._made:
-            study, search = self._study, self._study.search
-            if self._settings is not None:
-                point = study.point(self._settings)
-            else:
-                point = study.point_of(study.cells[cell], None if search is None else search.value(index))
-            self._made[cell, index] = point
-        return self._made[cell, index]
-
-    def inputs(self) -> dict[str, str]:
-        """What the files of all cells say."""
-        found: dict[str, str] = {}
-        for cell in range(len(self._study.cells)):
-            for name, content in self(cell, 0).inputs.items():
-                while found.get(name, content) != content:  # other settings of the same file
-                    name += " "  # noqa: PLW2901 - it is counted by the length of its name
-                found[name] = content
-        return found
-
-
-@dataclass(eq=False)
-class _Task:
-    """A study under way.
-
-    Attributes:
-        study: The study.
-        points: Its points.
-        known: Outcomes that are there already, by the run's key.
-        seeds: Those of the runs; the study's by default.
-        runs: What is done.
-        error: What keeps a cell from being run.
-    """
-
-    study: Study
-    points: _Points
-    known: Mapping[str, Outcome]
-    seeds: Sequence[int] | None = None
-    runs: list[Run] = field(default_factory=list)
-    error: CircuitkitError | None = None
-
-    def asker(self) -> Asker:
-        """What decides for a cell."""
-        boundary = self._boundary()
-        return boundary.runs() if boundary else grid_runs(self.seeds or self.study.seeds)
-
-    def about(self) -> float:
-        """How many runs a cell takes, about."""
-        boundary = self._boundary()
-        return boundary.about() if boundary else len(self.seeds or self.study.seeds)
-
-    def _boundary(self) -> Boundary | None:
-        return boundary_of(self.study)
-
-    def results(self) -> Results:
-        """What was found."""
-        return Results(self.study, rows_of(self.study, self.runs))
-
-
-def boundary_of(study: Study) -> Boundary | None:
-    """The search of a study's cells; None for a plain grid."""
-    search = study.search
-    return search and Boundary(search.count, study.seeds, search.survive, search.check_below)
-
-
-@dataclass(eq=False)
-class _Cell:
-    """A cell under way: what it has asked for, and what has come of it."""
-
-    task: _Task
-    number: int
-    asker: Asker
-    wanted: list[Wanted] = field(default_factory=list)
-    come: dict[Wanted, bool] = field(default_factory=dict)
-    done: int = 0
-    over: bool = False
-
-
-@dataclass(eq=False)
-class _Open:
-    """A run that is wanted by one or more cells."""
-
-    point: Point
-    seed: int
-    asked_by: list[tuple[_Cell, Wanted]]
-
-
-def _drive(
-    tasks: Sequence[_Task],
-    pool: Pool,
-    batch: int | None,
-    progress: Progress | None = None,
-    keep: Callable[[_Task, list[Run]], object] | None = None,
-) -> None:
-    """Run tasks to their end.
-
-    Args:
-        tasks: They get their runs, or an error.
-        pool: The workers.
-        batch: Runs in a batch, at most.
-        progress: Is told how many runs are done and about how many there will be.
-        keep: Is given a task's new runs, a batch at a time.
-
-    Raises:
-        CircuitkitError: `batch` is less than 1; a worker has ended.
-    """
-    if batch is not None and batch < 1:
-        message = f"found a batch of {batch}; allowed: 1 or more"
-        raise CircuitkitError(message)
-    board = _Board(tasks)
-    flying: dict[int, list[_Open]] = {}
-    number = 0
-    while True:
-        while len(flying) < pool.slots and (chosen := board.take(batch or BATCH, pool.slots - len(flying))):
-            number += 1
-            flying[number] = chosen
-            pool.submit(_job(number, chosen))
-        if progress is not None:
-            progress(board.done, board.expected())
-        if not flying:
-            return
-        done = pool.next()
-        if done.number in flying:  # else it is of an earlier call, which was broken off
-            for task, runs in board.settle(flying.pop(done.number), done).items():
-                if keep is not None and runs:
-                    keep(task, runs)
-
-
-def _job(number: int, chosen: Sequence[_Open]) -> Job:
-    point = replace(chosen[0].point, inputs={})
-    trials = tuple(Trial(each.seed, each.point.scenario.pushes) for each in chosen)
-    return Job(number, point, trials)
-
-
-class _Board:
-    """What is wanted and not yet under way, by what can be stepped together."""
-
-    def __init__(self, tasks: Sequence[_Task]) -> None:
-        self._open: dict[str, _Open] = {}
-        self._waiting: dict[str, deque[str]] = {}
-        self._outcomes = {key: outcome for task in tasks for key, outcome in task.known.items()}
-        self.done = 0
-        self._cells = [_Cell(task, i, task.asker()) for task in tasks for i in range(len(task.study.cells))]
-        for cell in self._cells:
-            self._ask(cell, None)
-
-    def expected(self) -> int:
-        """About how many runs there will be."""
-        left = (
-            max(cell.task.about() - cell.done, len(cell.wanted) - len(cell.come))
-            for cell in self._cells
-            if not cell.over
-        )
-        return self.done + round(sum(left))
-
-    def take(self, most: int, free: int) -> list[_Open]:
-        """Runs for a worker: of those that wait for the same plan, the most; nothing if none wait.
-
-        Args:
-            most: How many at most.
-            free: How many workers have nothing to do.
-        """
-        if not self._waiting:
-            return []
-        total = sum(len(each) for each in self._waiting.values())
-        key = max(self._waiting, key=lambda name: len(self._waiting[name]))
-        queue = self._waiting[key]
-        size = min(len(queue), most, max(-(-total // free), _LEAST))
-        keys = [queue.popleft() for _ in range(size)]
-        if not queue:
-            del self._waiting[key]
-        return [self._open[key] for key in keys]
-
-    def settle(self, chosen: Sequence[_Open], done: Done) -> dict[_Task, list[Run]]:
-        """Give outcomes to the cells that wait for them, which may then ask for more; the tasks' new runs."""
-        new: dict[_Task, list[Run]] = {}
-        ready: dict[_Cell, None] = {}
-        for run, outcome in zip(chosen, done.outcomes, strict=True):
-            key = run.point.run_key(run.seed)
-            del self._open[key]
-            for cell, wanted in run.asked_by:
-                if isinstance(outcome, CircuitkitError):
-                    self._give_up(cell.task, outcome)
-                    continue
-                self._outcomes[key] = outcome
-                new.setdefault(cell.task, []).append(self._note(cell, wanted, run.point, outcome))
-                ready[cell] = None
-        for cell in ready:
-            self._go_on(cell)
-        return new
-
-    def _give_up(self, task: _Task, error: CircuitkitError) -> None:
-        """Ask for nothing more for a task, and drop what only it waits for."""
-        task.error = task.error or error
-        for cell in self._cells:
-            cell.over = cell.over or cell.task is task
-        for name, queue in list(self._waiting.items()):
-            left = deque(key for key in queue if not self._is_given_up(key))
-            for key in queue:
-                if self._is_given_up(key):
-                    del self._open[key]
-            if left:
-                self._waiting[name] = left
-            else:
-                del self._waiting[name]
-
-    def _is_given_up(self, key: str) -> bool:
-        return all(cell.task.error is not None for cell, _ in self._open[key].asked_by)
-
-    def _note(self, cell: _Cell, wanted: Wanted, point: Point, outcome: Outcome) -> Run:
-        """Tell a cell the outcome of one of its runs."""
-        run = Run(cell.number, wanted[0], point, outcome)
-        cell.task.runs.append(run)
-        cell.come[wanted] = outcome.survived
-        cell.done += 1
-        self.done += 1
-        return run
-
-    def _go_on(self, cell: _Cell) -> None:
-        if len(cell.come) == len(cell.wanted) and not cell.over:
-            self._ask(cell, cell.come)
-
-    def _ask(self, cell: _Cell, stood: Mapping[Wanted, bool] | None) -> None:
-        """Let a cell ask for runs, as long as all that it asks for is known already."""
-        while not cell.over:
-            try:
-                wanted = next(cell.asker) if stood is None else cell.asker.send(stood)
-                points = [cell.task.points(cell.number, index) for index, _ in wanted]
-            except StopIteration:
-                cell.over = True
-                return
-            except InputError as error:
-                self._give_up(cell.task, error)
-                return
-            cell.wanted, cell.come = wanted, {}
-            known = self._outcomes
-            for each, point in zip(wanted, points, strict=True):
-                key = point.run_key(each[1])
-                if key in known:
-                    self._note(cell, each, point, known[key])
-                elif key in self._open:
-                    self._open[key].asked_by.append((cell, each))
-                else:
-                    self._open[key] = _Open(point, each[1], [(cell, each)])
-                    self._waiting.setdefault(point.shared_key, deque()).append(key)
-            if len(cell.come) < len(wanted):
-                return
-            stood = cell.come
 
 
 @contextmanager
@@ -403,3 +138,56 @@ def _shown(progress: bool | Progress, name: str) -> Iterator[Progress | None]:
 
     with progress_of_runs(name) as tell:
         yield tell
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a study will take.
+
+    Attributes:
+        cells: How many cells it has.
+        runs: How many runs, about; exactly, if nothing is searched.
+        most: How many at most.
+        shortest_s: Simulated time of the shortest run, [s].
+        longest_s: Simulated time of the longest run, [s].
+        seconds: Time that one processor takes for it, about, [s]: a few robots were timed.
+    """
+
+    cells: int
+    runs: int
+    most: int
+    shortest_s: float
+    longest_s: float
+    seconds: float
+
+
+_TIMED_S = 2.0  # simulated time of the robots that are timed, [s]
+_TIMED_ROBOTS = 8
+
+
+def estimate(study: Study) -> Estimate:
+    """See what a study will take, without running it.
+
+    Raises:
+        InputError: Something of the study does not fit.
+    """
+    points = PointsByCell(study)
+    task = Task(study, points, {})
+    durations = [points(cell, 0).scenario.duration for cell in range(len(study.cells))]
+    runs = round(task.about() * len(study.cells))
+    search = boundary_of(study)
+    most = (search.most() if search else len(study.seeds)) * len(study.cells)
+    mean = sum(durations) / len(durations)
+    each = _seconds_a_second(points(0, 0))
+    return Estimate(len(study.cells), runs, most, min(durations), max(durations), each * mean * runs)
+
+
+def _seconds_a_second(point: Point) -> float:
+    """Time that a second of one robot takes, [s]."""
+    short = replace(point, scenario=point.scenario.model_copy(update={"duration": _TIMED_S, "faults": ()}))
+    trials = tuple(Trial(seed, ()) for seed in range(_TIMED_ROBOTS))
+    job = Job(0, short, trials)
+    run_job(job)  # what is made once
+    began = time.perf_counter()
+    run_job(job)
+    return (time.perf_counter() - began) / _TIMED_S / _TIMED_ROBOTS

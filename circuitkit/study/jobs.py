@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 import circuitkit
 from circuitkit.errors import CircuitkitError
-from circuitkit.simulate import Plan, Push, Recording, Scenario
+from circuitkit.simulate import Plan, Push, Recording
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop
 from circuitkit.simulate.run import PreparedWalk, prepare_walk
@@ -156,13 +156,3 @@ class _Keyed:
 @lru_cache(maxsize=_KEPT_WALKS)
 def _prepared(wanted: _Keyed) -> PreparedWalk:
     return wanted.make()
-
-
-def trials_of(scenario: Scenario, seeds: Sequence[int]) -> tuple[Trial, ...]:
-    """A trial for each seed, with the scenario's pushes."""
-    return tuple(Trial(seed, scenario.pushes) for seed in seeds)
-
-
-def without_seed(point: Point) -> Point:
-    """The point without what its runs do not share, to be sent once for all of them."""
-    return replace(point, scenario=point.scenario.model_copy(update={"pushes": ()}))

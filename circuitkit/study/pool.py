@@ -17,9 +17,7 @@ from circuitkit.errors import CircuitkitError, MissingDependencyError
 from circuitkit.study.jobs import Done, Job, run_job
 
 # One thread each for the libraries below numpy: the processes share the cores already.
-_ONE_THREAD = {
-    f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")
-}
+_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
 _CONNECT_S = 10.0
 _MOST_WORKERS = 1024
 
@@ -118,7 +116,7 @@ class Processes(Pool):
     def next(self) -> Done:
         """Wait for the first of the jobs."""
         for connection in wait(list(self._busy)):
-            assert isinstance(connection, Connection)  # noqa: S101 - nothing else was waited for
+            assert isinstance(connection, Connection)
             try:
                 done = connection.recv()
             except (EOFError, OSError) as error:
@@ -127,7 +125,7 @@ class Processes(Pool):
             self._idle.append(connection)
             if isinstance(done, BaseException):
                 raise done
-            assert isinstance(done, Done)  # noqa: S101 - a worker sends nothing else
+            assert isinstance(done, Done)
             return done
         message = "there is no job to wait for"
         raise PoolError(message)
@@ -165,7 +163,7 @@ def _work(connection: Connection) -> None:
         answer: Done | BaseException
         try:
             answer = run_job(job)
-        except Exception as error:  # noqa: BLE001 - it is raised again where it can be told
+        except Exception as error:
             answer = error
         try:
             connection.send(answer)
@@ -208,7 +206,8 @@ class DaskWorkers(Pool):
             package, extra = "distributed", "cluster"
             raise MissingDependencyError(package, extra, "a sweep on a Dask scheduler") from error
         try:
-            self._client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False)
+            client: Any = Client
+            self._client = client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             message = (
                 f"cannot reach a Dask scheduler at '{address}': {error}; "
@@ -216,7 +215,8 @@ class DaskWorkers(Pool):
             )
             raise PoolError(message) from error
         self._address = address
-        self._futures: Any = as_completed(loop=self._client.loop)
+        completed: Any = as_completed
+        self._futures = completed(loop=self._client.loop)
         if not self.workers:
             self._client.close()
             message = f"the Dask scheduler at '{address}' has no workers; start some: dask worker {address}"
@@ -244,9 +244,11 @@ class DaskWorkers(Pool):
         except CircuitkitError:
             raise
         except Exception as error:
-            message = f"the Dask workers of '{self._address}' cannot do a job: {type(error).__name__}: {error}"
+            message = (
+                f"the Dask workers of '{self._address}' cannot do a job: {type(error).__name__}: {error}"
+            )
             raise PoolError(message) from error
-        assert isinstance(done, Done)  # noqa: S101 - that is what `run_job` returns
+        assert isinstance(done, Done)
         if done.version != circuitkit.__version__:
             message = (
                 f"a Dask worker has circuitkit {done.version}; "

@@ -28,8 +28,8 @@ Row = Mapping[str, Any]
 def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
     """Where the true share of successes lies, by Wilson (1927).
 
-    (p + z^2/2n +- z sqrt(p (1 - p)/n + z^2/4n^2)) / (1 + z^2/n), with p = successes/n and z the quantile of the
-    normal distribution. Unlike p +- z sqrt(p (1 - p)/n) it says something where all runs or none succeed.
+    (p + z^2/2n +- z sqrt(p (1 - p)/n + z^2/4n^2)) / (1 + z^2/n), with p = successes/n and z the quantile of
+    the normal distribution. Unlike p +- z sqrt(p (1 - p)/n) it says something where all runs or none succeed.
 
     Args:
         successes: How many runs succeeded.
@@ -85,6 +85,7 @@ class Limit:
         runs: How many there were.
         interval: Wilson's interval of the share that survives `largest`, 95 %.
         fails_at: The smallest value that was not survived, [SI unit]; None if all were that were tried.
+        each: The largest value that each seed survived, where that was searched; else nothing.
     """
 
     labels: Mapping[str, Label]
@@ -94,6 +95,7 @@ class Limit:
     runs: int
     interval: tuple[float, float]
     fails_at: float | None
+    each: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -151,13 +153,14 @@ class Results:
             message = f"the study '{self.study.name}' has no search; ask for shares()"
             raise CircuitkitError(message)
         values = {parse_quantity(search.value(i)).value_si: i for i in range(search.count)}
+        limit = self._limit_of_each if search.of == "each_seed" else self._limit
         return tuple(
-            self._limit(cell, rows, values) for cell, rows in zip(self.study.cells, self._by_cell, strict=True)
+            limit(cell, rows, values) for cell, rows in zip(self.study.cells, self._by_cell, strict=True)
         )
 
     def _limit(self, cell: Cell, rows: Sequence[Row], values: Mapping[float, int]) -> Limit:
         search = self.study.search
-        assert search is not None  # noqa: S101 - `limits` has looked
+        assert search is not None
         stood: dict[int, list[bool]] = {}
         for row in rows:
             stood.setdefault(values[row[search.field]], []).append(row["survived"])
@@ -183,8 +186,30 @@ class Results:
             fails_at=amounts[high] if high < search.count else None,
         )
 
+    def _limit_of_each(self, cell: Cell, rows: Sequence[Row], values: Mapping[float, int]) -> Limit:
+        search = self.study.search
+        assert search is not None
+        amounts = {i: value for value, i in values.items()}
+        ends = []
+        for seed in self.study.seeds:
+            mine = {values[row[search.field]]: row["survived"] for row in rows if row["seed"] == seed}
+            ends.append(boundary(mine, search.count))
+        each = tuple(amounts[low] if low >= 0 else 0.0 for low, _ in ends)
+        stood = sum(low >= 0 for low, _ in ends) if min(each) == amounts[0] else len(each)
+        first = min(high for _, high in ends)
+        return Limit(
+            labels=cell.labels,
+            texts=cell.texts,
+            largest=min(each),
+            survived=stood,
+            runs=len(each),
+            interval=wilson_interval(stood, len(each)),
+            fails_at=amounts[first] if first < search.count else None,
+            each=each,
+        )
+
     def shares(self) -> tuple[Share, ...]:
-        """How many runs of every cell were survived, in the order of the study; of all values if it searches."""
+        """How many runs of every cell were survived, in the order of the study."""
         found = []
         for cell, rows in zip(self.study.cells, self._by_cell, strict=True):
             up = sum(row["survived"] for row in rows)
@@ -213,11 +238,15 @@ def row_of(study: Study, run: Run) -> dict[str, Any]:
     row: dict[str, Any] = dict(study.cells[run.cell].labels)
     if search is not None:
         row[search.field] = parse_quantity(search.value(run.index)).value_si
-    return row | run.outcome.row() | {
-        "scenario": run.point.description(seed),
-        "version": circuitkit.__version__,
-        "key": run.point.run_key(seed),
-    }
+    return (
+        row
+        | run.outcome.row()
+        | {
+            "scenario": run.point.description(seed),
+            "version": circuitkit.__version__,
+            "key": run.point.run_key(seed),
+        }
+    )
 
 
 def read_results(folder: str | Path) -> Results:
@@ -235,4 +264,14 @@ def read_results(folder: str | Path) -> Results:
     return Store(Path(folder)).results()
 
 
-__all__ = ["RESERVED", "Boundary", "Limit", "Results", "Row", "Run", "Share", "read_results", "wilson_interval"]
+__all__ = [
+    "RESERVED",
+    "Boundary",
+    "Limit",
+    "Results",
+    "Row",
+    "Run",
+    "Share",
+    "read_results",
+    "wilson_interval",
+]

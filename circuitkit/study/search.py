@@ -7,7 +7,7 @@ What it wants depends on nothing else, so the same runs are made whatever the wo
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -62,7 +62,9 @@ class Boundary:
                     return
             holds |= yield from self._probe(wanted)
 
-    def _probe(self, values: Sequence[int]) -> Generator[list[Wanted], Mapping[Wanted, bool], dict[int, bool]]:
+    def _probe(
+        self, values: Sequence[int]
+    ) -> Generator[list[Wanted], Mapping[Wanted, bool], dict[int, bool]]:
         """Whether values hold; some seeds of each first, the rest where it still may."""
         first, rest = self.seeds[:FIRST_SEEDS], self.seeds[FIRST_SEEDS:]
         stood = dict((yield [(value, seed) for value in values for seed in first]))
@@ -86,6 +88,40 @@ class Boundary:
         return self.count * len(self.seeds)
 
 
+@dataclass(frozen=True)
+class EachBoundary:
+    """A search for the largest value that each seed survives, in the same rounds for all.
+
+    Attributes:
+        count: Values 0 to count - 1 are on the grid.
+        seeds: Those that are run.
+    """
+
+    count: int
+    seeds: Sequence[int]
+
+    def runs(self) -> Asker:
+        """Ask for runs until the boundary of every seed is known, each by bisection."""
+        holds: dict[int, dict[int, bool]] = {seed: {} for seed in self.seeds}
+        while wanted := list(self._middles(holds)):
+            for (index, seed), up in (yield wanted).items():
+                holds[seed][index] = up
+
+    def _middles(self, holds: Mapping[int, Mapping[int, bool]]) -> Iterator[Wanted]:
+        for seed, known in holds.items():
+            low, high = boundary(known, self.count)
+            if high - low > 1:
+                yield (low + high) // 2, seed
+
+    def about(self) -> float:
+        """How many runs a search takes, about."""
+        return math.log2(self.count + 1) * len(self.seeds)
+
+    def most(self) -> int:
+        """How many runs a search can take at most."""
+        return math.ceil(math.log2(self.count + 1)) * len(self.seeds)
+
+
 def allowed_falls(seeds: int, survive: float) -> int:
     """How many of the seeds may fall where a share must stand."""
     return seeds - math.ceil(survive * seeds - 1e-9)
@@ -96,4 +132,3 @@ def boundary(holds: Mapping[int, bool], count: int) -> tuple[int, int]:
     high = min((index for index, held in holds.items() if not held), default=count)
     low = max((index for index, held in holds.items() if held and index < high), default=-1)
     return low, high
-

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -27,7 +27,8 @@ from circuitkit.source.fields import Ratio, Seconds
 from circuitkit.units import Quantity, Unit, parse_quantity
 
 if TYPE_CHECKING:
-    from circuitkit.study.points import Point, PointMaker
+    from circuitkit.study.point_maker import PointMaker
+    from circuitkit.study.points import Point
 
 FOLDER = "sims/studies"
 
@@ -78,6 +79,10 @@ class Search(FileModel):
     low: Amount = Field(description="Smallest value.")
     high: Amount = Field(description="Largest value.")
     step: Amount = Field(description="Distance of two values of the grid.")
+    of: Literal["all_seeds", "each_seed"] = Field(
+        default="all_seeds",
+        description="Whose boundary: of the seeds together, or of each by itself, for means over seeds.",
+    )
     survive: Ratio = Field(default=1.0, gt=0, le=1, description="Share of the seeds that must stand.")
     check_below: int = Field(
         default=3, ge=0, description="How many values below the boundary are tried as well."
@@ -101,6 +106,13 @@ class Search(FileModel):
                 f"found low {self.low}, high {self.high}, step {self.step}; "
                 "allowed: whole steps from low to high"
             )
+            raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
+    def _of_each_seed(self) -> Search:
+        if self.of == "each_seed" and (given := {"survive", "check_below"} & self.model_fields_set):
+            message = f"found of: each_seed with {listing(sorted(given))}; allowed: these with all_seeds only"
             raise ValueError(message)
         return self
 
@@ -244,12 +256,12 @@ class Study:
     def cells(self) -> tuple[Cell, ...]:
         """Every combination of the axes; the last axis varies first."""
         return tuple(
-            _cell(dict(zip(self.axes, chosen, strict=True)))
+            cell_of(dict(zip(self.axes, chosen, strict=True)))
             for chosen in itertools.product(*self.axes.values())
         )
 
     def point(self, settings: Settings | None = None) -> Point:
-        """The study's scenario with its `set` and then these settings: all that determines a run but its seed.
+        """The study's scenario with its `set`, and then these settings.
 
         Args:
             settings: Fields by path, such as `{"circuit.w": "-0.5 deg", "pushes[0].force": "20 N"}`.
@@ -277,7 +289,7 @@ class Study:
 
     @cached_property
     def _maker(self) -> PointMaker:
-        from circuitkit.study.points import PointMaker
+        from circuitkit.study.point_maker import PointMaker
 
         return PointMaker(self)
 
@@ -285,9 +297,9 @@ class Study:
         """A changed copy, such as a smaller one for a quick look.
 
         Args:
-            changes: By the keys of the file. `set`, `seeds` and `search` are changed key by key, and None takes
-                a key away. An axis that is named gets these values: of named sets a list of names picks some, a
-                mapping replaces them; None drops the axis.
+            changes: By the keys of the file. `set`, `seeds` and `search` are changed key by key, and None
+                takes a key away. An axis that is named gets these values: of named sets a list of names picks
+                some, a mapping replaces them; None drops the axis.
 
         Raises:
             InputError: What comes out is no study.
@@ -339,10 +351,23 @@ def _study(document: Document) -> Study:
     fields = [*study.file.axes, *([study.search.field] if study.search else [])]
     clash = [name for name in fields if name in RESERVED or fields.count(name) > 1]
     if clash:
-        place: tuple[str | int, ...] = ("axes", clash[0]) if clash[0] in study.file.axes else ("search", "field")
+        place: tuple[str | int, ...] = (
+            ("axes", clash[0]) if clash[0] in study.file.axes else ("search", "field")
+        )
         what = "a column of the results" if clash[0] in RESERVED else "an axis and the searched field at once"
         message = f"found '{clash[0]}', which is {what}; allowed: another name"
         raise InputError(document.problem(place, message, at_key=place[0] == "axes"))
+    twice = [
+        (value, other)
+        for values in study.axes.values()
+        for i, value in enumerate(values)
+        for other in values[:i]
+        if value.label == other.label
+    ]
+    if twice:
+        value, other = twice[0]
+        message = f"found '{value.text}', the same as '{other.text}'; allowed: each value once"
+        raise InputError(document.problem(value.place, message))
     return study
 
 
@@ -388,7 +413,8 @@ def _text(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _cell(chosen: Mapping[str, AxisValue]) -> Cell:
+def cell_of(chosen: Mapping[str, AxisValue]) -> Cell:
+    """The cell of a value of each axis."""
     settings: dict[str, Any] = {}
     places: dict[str, tuple[str | int, ...]] = {}
     for value in chosen.values():

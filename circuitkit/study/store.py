@@ -137,7 +137,9 @@ class Store:
         manifest = manifest_of(study, inputs)
         if not self._study_file.is_file():
             if self.results_file.exists() or self._parts.exists():
-                message = f"'{self.folder}' has results, but no study.json that says of what; name another folder"
+                message = (
+                    f"'{self.folder}' has results, but no study.json that says of what; name another folder"
+                )
                 raise CircuitkitError(message)
             self._remember(manifest)
             return {}
@@ -208,7 +210,9 @@ class Store:
         try:
             manifest = json.loads(self._study_file.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            message = f"there are no results of a sweep in '{self.folder}'; allowed: the folder that a sweep wrote"
+            message = (
+                f"there are no results of a sweep in '{self.folder}'; allowed: the folder that a sweep wrote"
+            )
             raise InputError(Problem("", 0, 0, "", message)) from error
         if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
             message = f"'{self._study_file}' was written by another version; allowed: format {_FORMAT}"
@@ -241,7 +245,8 @@ class Store:
 
 def _outcome(row: Row) -> Outcome:
     rms = {name.removeprefix(_RMS): value for name, value in row.items() if name.startswith(_RMS)}
-    return Outcome(int(row["seed"]), bool(row["survived"]), *(row[name] for name in _REAL), rms=rms)
+    fall, excursion, recovery = (row[name] for name in _REAL)
+    return Outcome(int(row["seed"]), bool(row["survived"]), fall, excursion, recovery, rms)
 
 
 def _differences(old: Any, new: Any, where: str = "") -> Iterator[str]:  # noqa: ANN401 - JSON data

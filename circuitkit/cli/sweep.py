@@ -1,0 +1,229 @@
+"""`circuitkit sweep`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from circuitkit.cli.printing import examples, note, print_json, print_table
+
+if TYPE_CHECKING:
+    from circuitkit.study import Results, Share, Study
+    from circuitkit.study.driver import Estimate
+    from circuitkit.units import Unit
+
+_MINUTE_S, _HOUR_S = 60.0, 3600.0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        epilog=examples(
+            "circuitkit sweep push_limits -o out/push_limits",
+            "circuitkit sweep push_limits --dry-run",
+            "circuitkit sweep push_limits --seeds 2 -o out/quick --workers 1",
+            "circuitkit sweep my_study.yaml -o out/mine --resume",
+            "circuitkit sweep my_study.yaml -o out/mine --scheduler tcp://192.168.0.7:8786",
+        )
+    )(sweep)
+
+
+def sweep(
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="A study file, or the name of a shipped one.")
+    ],
+    *,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", metavar="N", min=1, help="Processes; by default one for each processor."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the results that DIR has, and do not run them again.")
+    ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="tcp://HOST:PORT", help="Use the workers of this Dask scheduler instead."
+        ),
+    ] = None,
+    batch: Annotated[
+        int | None,
+        typer.Option("--batch", metavar="N", min=1, help="Runs that a worker steps together, at most."),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option("--seeds", metavar="N", min=1, help="Only the first N seeds, for a quick look."),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say how many runs there would be and how long they take.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the limits or shares as JSON.")] = False,
+) -> None:
+    """Run a study: many simulations to one table.
+
+    Prints the largest value that each cell of the study survives, or the share of the runs that it survives
+    where nothing is searched, with a 95 % interval. Writes DIR/results.parquet, one row a run. The rows are
+    the same whatever --workers, --batch and --scheduler are.
+
+    Ctrl-C keeps what is done. Missing folders of DIR are made.
+    """
+    if output is None and not dry_run:
+        message = "name a folder for the results: -o DIR"
+        raise typer.BadParameter(message, param_hint="--output")
+    from circuitkit.study import load_study
+
+    loaded = load_study(study)
+    if seeds is not None:
+        loaded = loaded.with_({"seeds": {"count": min(seeds, len(loaded.seeds))}})
+    if dry_run:
+        _print_estimate(loaded, workers, as_json=as_json)
+        return
+    from circuitkit.study import sweep as run_sweep
+
+    try:
+        results = run_sweep(
+            loaded,
+            output or Path(),
+            workers=workers,
+            resume=resume,
+            scheduler=scheduler,
+            batch=batch,
+        )
+    except KeyboardInterrupt as interruption:
+        note(str(interruption))
+        raise
+    if as_json:
+        print_json(as_data(results, output))
+        return
+    print_found(results)
+    note(f"wrote {(output or Path()) / 'results.parquet'}: {len(results.rows)} runs")
+
+
+def as_data(results: Results, folder: Path | None = None) -> dict[str, Any]:
+    """What was found, for JSON: limits in SI units, or shares."""
+    search = results.study.search
+    data: dict[str, Any] = {
+        "study": results.study.name,
+        "runs": len(results.rows),
+        "results": None if folder is None else str(folder / "results.parquet"),
+    }
+    if search is None:
+        data["shares"] = [_of_share(share) for share in results.shares()]
+        return data
+    data["searched"] = search.field
+    data["unit"] = search.unit.dimension.si_symbol
+    data["limits"] = [
+        {
+            "labels": dict(limit.labels),
+            "largest": limit.largest,
+            "survived": limit.survived,
+            "runs": limit.runs,
+            "interval": list(limit.interval),
+            "fails_at": limit.fails_at,
+        }
+        for limit in results.limits()
+    ]
+    return data
+
+
+def _of_share(share: Share) -> dict[str, Any]:
+    return {
+        "labels": dict(share.labels),
+        "share": share.share,
+        "survived": share.survived,
+        "runs": share.runs,
+        "interval": list(share.interval),
+    }
+
+
+def print_found(results: Results) -> None:
+    """Print limits, or shares."""
+    study, search = results.study, results.study.search
+    if search is None:
+        rows = (
+            (*share.texts.values(), f"{share.survived} of {share.runs}", _percents(share.interval))
+            for share in results.shares()
+        )
+        headings = (*study.axes, ">survived", "95 % interval")
+        print_table(study.name, headings, rows)
+        return
+    unit = search.unit
+    found = (
+        (
+            *limit.texts.values(),
+            _amount(limit.largest, unit),
+            f"{limit.survived} of {limit.runs}",
+            _percents(limit.interval),
+            "-" if limit.fails_at is None else _amount(limit.fails_at, unit),
+        )
+        for limit in results.limits()
+    )
+    headings = (*study.axes, f">largest {_last(search.field)}", ">survived", "95 % interval", ">fails at")
+    print_table(f"{study.name}: {search.field}", headings, found)
+
+
+def _last(path: str) -> str:
+    return path.rpartition(".")[2]
+
+
+def _amount(value_si: float, unit: Unit) -> str:
+    from circuitkit.units import format_quantity
+
+    return format_quantity(value_si, unit)
+
+
+def _percents(interval: tuple[float, float]) -> str:
+    return f"{interval[0] * 100:.0f} to {interval[1] * 100:.0f} %"
+
+
+def _print_estimate(study: Study, workers: int | None, *, as_json: bool) -> None:
+    from circuitkit.study.driver import estimate
+    from circuitkit.study.pool import processors
+
+    found = estimate(study)
+    count = workers or processors()
+    seconds = found.seconds / min(count, found.runs)
+    if as_json:
+        print_json(_estimate_data(study, found, count, seconds))
+        return
+    axes: Iterable[Sequence[str]] = (
+        (name, ", ".join(value.text for value in values)) for name, values in study.axes.items()
+    )
+    print_table(study.name, ("axis", "values"), axes)
+    about = "" if study.search is None else f"about {found.runs}, at most {found.most}, "
+    total = f"{found.runs} " if study.search is None else ""
+    span = f"{found.shortest_s:g} s"
+    if not math.isclose(found.shortest_s, found.longest_s):
+        span = f"{found.shortest_s:g} to {found.longest_s:g} s"
+    print(f"{found.cells} cells, {len(study.seeds)} seeds: {about}{total}runs of {span} each")
+    print(f"about {_duration(seconds)} with {count} workers here, by the time that a few robots took")
+
+
+def _estimate_data(study: Study, found: Estimate, workers: int, seconds: float) -> Mapping[str, Any]:
+    return {
+        "study": study.name,
+        "cells": found.cells,
+        "seeds": len(study.seeds),
+        "runs": found.runs,
+        "most_runs": found.most,
+        "workers": workers,
+        "seconds": seconds,
+    }
+
+
+def _duration(seconds: float) -> str:
+    """A time as a person says it."""
+    scales: tuple[tuple[float, float, str], ...] = (
+        (2 * _MINUTE_S, 1.0, "s"),
+        (2 * _HOUR_S, _MINUTE_S, "min"),
+        (math.inf, _HOUR_S, "h"),
+    )
+    shown: Callable[[float], str] = "{:.3g}".format
+    return next(f"{shown(seconds / unit)} {name}" for most, unit, name in scales if seconds < most)
