@@ -3,6 +3,7 @@
 from circuitkit.control.circuit import CircuitController
 from circuitkit.control.controller import Controller
 from circuitkit.control.open_loop import OpenLoop
+from circuitkit.control.planned import PlannedChannel, planned_channels
 from circuitkit.control.reference import Body, Footstep, WalkReference, walk_reference
 from circuitkit.control.spec import ControllerSpec, load_controller, shipped_controllers
 
@@ -13,8 +14,10 @@ __all__ = [
     "ControllerSpec",
     "Footstep",
     "OpenLoop",
+    "PlannedChannel",
     "WalkReference",
     "load_controller",
+    "planned_channels",
     "shipped_controllers",
     "walk_reference",
 ]

@@ -9,6 +9,7 @@ import numpy as np
 
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control.controller import Array
+from circuitkit.control.planned import PlannedChannel
 from circuitkit.engine import compile_circuit
 from circuitkit.errors import InputError, Problem, listing, suggest
 from circuitkit.units import Unit
@@ -30,6 +31,7 @@ class CircuitController:
         commands: Mapping[str, Unit],
         step_s: float,
         backend: str = "auto",
+        planned: Mapping[str, PlannedChannel] | None = None,
     ) -> None:
         """Bind a circuit to a robot.
 
@@ -39,13 +41,16 @@ class CircuitController:
             commands: Channels of the robot that can be written, with their units.
             step_s: The control step of the loop.
             backend: What runs the circuit; see `compile_circuit`.
+            planned: Channels of the walk's plan, which the circuit may read like the robot's.
 
         Raises:
             InputError: The robot lacks a channel, its unit is of another dimension, or the control steps
                 differ; lists all that is wrong.
         """
+        planned = planned or {}
+        readable = {**observations, **{name: channel.unit for name, channel in planned.items()}}
         problems = [
-            *_mismatches("input", graph.inputs, observations, "sensor channel"),
+            *_mismatches("input", graph.inputs, readable, "sensor channel"),
             *_mismatches("output", graph.outputs, commands, "command"),
         ]
         if not math.isclose(graph.step_s, step_s, rel_tol=1e-9):
@@ -57,7 +62,12 @@ class CircuitController:
         if problems:
             raise InputError(*problems)
         self.graph = graph
-        self.observations = tuple(node.name for node in graph.inputs)
+        names = [node.name for node in graph.inputs]
+        self.observations = tuple(name for name in names if name not in planned)
+        self._sensed = [i for i, name in enumerate(names) if name not in planned]
+        self._intended = [i for i, name in enumerate(names) if name in planned]
+        columns = [planned[names[i]].values for i in self._intended]
+        self._plan = np.column_stack(columns) if columns else None
         self.commands = tuple(node.name for node in graph.outputs)
         self._program = compile_circuit(graph, backend, reproducible=True)
         self.trace_names = tuple(self._program.neuron_names)
@@ -66,6 +76,7 @@ class CircuitController:
 
     def reset(self, batch: int) -> None:
         """Start again, with `batch` robots."""
+        self._tick = 0
         self._stepper = self._program.stepper(batch)
         self._inputs = self._stepper.inputs
 
@@ -73,17 +84,26 @@ class CircuitController:
         """Outputs of the circuit, shape (B, m), SI units; its neurons' outputs go to `trace`."""
         # One call for all of it: the sum of squares is finite where every reading is.
         if math.isfinite(np.vdot(observation, observation)):
-            self._inputs[...] = observation
+            self._take(observation)
             readout = self._stepper.step()
         else:
             readout = self._step_where_finite(observation)
         self._stepper.store_output(trace)
         return readout
 
+    def _take(self, observation: Array) -> None:
+        """What the circuit reads in this step: what is sensed, and what the plan says."""
+        if self._plan is None:
+            self._inputs[...] = observation
+            return
+        self._inputs[:, self._sensed] = observation
+        self._inputs[:, self._intended] = self._plan[self._tick]
+        self._tick += 1
+
     def _step_where_finite(self, observation: Array) -> Array:
         missing = np.logical_not(np.isfinite(observation).all(axis=1))
         before = self._stepper.state
-        self._inputs[...] = np.where(missing[:, np.newaxis], 0.0, observation)
+        self._take(np.where(missing[:, np.newaxis], 0.0, observation))
         self._stepper.step()
         after = self._stepper.state
         for old, new in zip(before.arrays(), after.arrays(), strict=True):

@@ -20,6 +20,7 @@ from circuitkit.control import (
     OpenLoop,
     WalkReference,
     load_controller,
+    planned_channels,
     shipped_controllers,
     walk_reference,
 )
@@ -136,7 +137,8 @@ def _is_bare(name: str) -> bool:
 def _circuit_controller(plan: Plan) -> Controller:
     observations = {name: channel.unit for name, channel in robot_channels(plan.robot).items()}
     step_s = plan.walk.gait.control_step
-    return CircuitController(plan.circuit, observations, command_units(plan.robot), step_s, plan.backend)
+    commands, planned = command_units(plan.robot), planned_channels(plan.reference())
+    return CircuitController(plan.circuit, observations, commands, step_s, plan.backend, planned)
 
 
 CONTROLLERS: dict[str, Callable[[Plan], Controller]] = {
