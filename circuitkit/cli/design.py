@@ -59,7 +59,9 @@ def design(
     ] = None,
     push_height: Annotated[
         str | None,
-        _quantity("--push-height", "Where the push acts, above the floor; by default at the CoM."),
+        _quantity(
+            "--push-height", "Where it acts, above the floor; by default at the CoM, of a robot on the torso."
+        ),
     ] = None,
     robot: Annotated[
         str | None,
@@ -194,9 +196,9 @@ def _print(sheet: Sheet) -> None:
         rows.append(("the same by the measured lever", value, f"eq. 21, {show(body.lever_m, 'm')} for z_CoM"))
     print_table(f"{push} on {body.name} ({robot})", ("what", ">value", "by"), rows)
     print_table(
-        "what a point mass over these feet can hold",
+        f"what these feet can hold, pushed {show(sheet.push_height_m, 'm')} above the floor",
         ("push", ">room", ">for ever (eq. 22)", f">for {show(sheet.duration_s, 's')} (DCM bound)",
-         f">{show(sheet.force_n, 'N')} at most", "this push is"),
+         ">the same at the CoM", f">{show(sheet.force_n, 'N')} at most", "this push is"),
         (_bound_row(bound) for bound in sheet.bounds),
     )  # fmt: skip
     print_table(
@@ -224,6 +226,7 @@ def _bound_row(bound: Bound) -> tuple[str, ...]:
         show(bound.reach.distance_m, "m"),
         show(bound.lasting_force_n, "N"),
         show(bound.force_n, "N"),
+        show(bound.force_at_com_n, "N"),
         show(bound.duration_s, "s"),
         verdict,
     )

@@ -81,6 +81,7 @@ class Bound:
         reach: The direction and its distance.
         lasting_force_n: For ever (eq. 22).
         force_n: For the duration of the push (bound of the DCM).
+        force_at_com_n: The same for a push at the height of the CoM, as the point mass has it.
         duration_s: How long the force of the push; infinite if for ever.
         under_lasting: Whether the push is under eq. 22.
         under_bound: Whether the push is under the bound of the DCM.
@@ -89,6 +90,7 @@ class Bound:
     reach: Reach
     lasting_force_n: float
     force_n: float
+    force_at_com_n: float
     duration_s: float
     under_lasting: bool
     under_bound: bool
@@ -173,13 +175,16 @@ def make_sheet(
         weight_rad: w, in a step.
         gamma: The safety factor; that of the paper's Fig. 7 if None.
         step_s: t_step; the paper's if None.
-        push_height_m: Where the push acts, above the floor; at the CoM if None. Eq. 21 does not ask.
+        push_height_m: Where the push acts, above the floor; if None on the torso, or at the CoM where the
+            torso's height is not known. Eq. 21 does not ask.
 
     Raises:
         InputError: Not two are given, a number is not positive, or the push asks for more than asin can give.
     """
     gamma = PAPER_GAMMA if gamma is None else gamma
     step_s = PAPER_STEP_S if step_s is None else step_s
+    if push_height_m is None:
+        push_height_m = body.torso_height_m or body.com_height_m
     eq.require_positive(
         **{
             name: value
@@ -190,8 +195,7 @@ def make_sheet(
     force, duration, weight = _complete(body, force_n, duration_s, weight_rad, gamma, step_s)
     velocity = eq.com_velocity_against_push(force, duration, body.mass_kg, gamma)
     shift = eq.com_shift_from_velocity(velocity, step_s)
-    height = body.com_height_m if push_height_m is None else push_height_m
-    bounds = tuple(_bound(body, reach, force, duration, height) for reach in reaches)
+    bounds = tuple(_bound(body, reach, force, duration, push_height_m) for reach in reaches)
     return Sheet(
         body=body,
         force_n=force,
@@ -199,13 +203,13 @@ def make_sheet(
         weight_rad=weight,
         gamma=gamma,
         step_s=step_s,
-        push_height_m=height,
+        push_height_m=push_height_m,
         com_velocity=velocity,
         com_shift_m=shift,
         weight_by_lever_rad=_weight_by_lever(body, shift),
         bounds=bounds,
         checks=tuple(_checks(body, duration, weight, shift, step_s)),
-        traps=tuple(_traps(body, weight, height)),
+        traps=tuple(_traps(body, weight, push_height_m)),
     )
 
 
@@ -242,16 +246,14 @@ def _complete(
 
 def _bound(body: Body, reach: Reach, force_n: float, duration_s: float, push_height_m: float) -> Bound:
     mass, height, distance = body.mass_kg, body.com_height_m, reach.distance_m
+    point_mass = eq.largest_force_for_duration(distance, duration_s, mass, height)
     lasting, short = (
         eq.force_at_height(force, push_height_m, height)
-        for force in (
-            eq.largest_lasting_force(distance, mass, height),
-            eq.largest_force_for_duration(distance, duration_s, mass, height),
-        )
+        for force in (eq.largest_lasting_force(distance, mass, height), point_mass)
     )
     at_com = eq.force_at_com_height(force_n, push_height_m, height)
     longest = eq.longest_duration_for_force(distance, at_com, mass, height)
-    return Bound(reach, lasting, short, longest, force_n <= lasting, force_n <= short)
+    return Bound(reach, lasting, short, point_mass, longest, force_n <= lasting, force_n <= short)
 
 
 def _weight_by_lever(body: Body, shift_m: float) -> float | None:
@@ -323,14 +325,17 @@ def _traps(body: Body, weight_rad: float, push_height_m: float) -> Iterator[str]
         f"w is an increment, added in every step (eq. 20). Added once, {show(weight_rad, 'rad')} moves the "
         f"CoM by {show(offset, 'm')}; the paper does not say how the angle returns (the circuit's leak)."
     )
-    where = f"The bounds are for a push {show(push_height_m, 'm')} above the floor"
     if push_height_m == height:
-        where = f"The bounds are for a push at the height of the CoM, {show(height, 'm')}"
-    worth = "higher up it is harder to hold, by its height over that of the CoM"
-    if body.torso_height_m is not None:
-        factor = eq.force_at_com_height(1.0, body.torso_height_m, height)
-        worth = f"on the torso, at {show(body.torso_height_m, 'm')}, it is worth {factor:.3g} times its force"
-    yield f"{where}; {worth}, while the torso is kept upright."
+        yield (
+            f"The bounds are for a push at the height of the CoM, {show(height, 'm')}; higher up it is "
+            "harder to hold, by its height over that of the CoM, while the torso is kept upright."
+        )
+    else:
+        worth = eq.force_at_com_height(1.0, push_height_m, height)
+        yield (
+            f"The bounds are for a push {show(push_height_m, 'm')} above the floor, worth {worth:.3g} times "
+            "what it would be at the height of the CoM, while the torso is kept upright."
+        )
     yield (
         "Eq. 21 has no sign: eq. 14 as printed moves the body away from the violated edge, a negative w "
         "towards it, as in binn_lateral_tuned; try both on the robot."

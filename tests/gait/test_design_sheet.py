@@ -85,9 +85,18 @@ def test_a_push_above_the_com_is_worth_more():
     high = make_sheet(force_n=20.0, duration_s=0.2, push_height_m=0.36).bounds[0]
     assert high.force_n == pytest.approx(low.force_n * 0.75)
     assert high.lasting_force_n == pytest.approx(low.lasting_force_n * 0.75)
+    assert high.force_at_com_n == low.force_at_com_n == low.force_n
     assert high.under_bound
     assert not high.under_lasting
     assert high.duration_s < math.inf
+
+
+def test_a_push_is_on_the_torso_where_that_is_known():
+    body = replace(PAPER_BODY, torso_height_m=0.36)
+    given = make_sheet(force_n=20.0, duration_s=0.2, push_height_m=0.36)
+    assert make_sheet(body, force_n=20.0, duration_s=0.2).bounds == given.bounds
+    with pytest.raises(InputError, match=r"^push_height_m: found 0; allowed: more than 0$"):
+        make_sheet(force_n=20.0, duration_s=0.2, push_height_m=0.0)
 
 
 def test_no_room_holds_nothing():

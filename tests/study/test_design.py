@@ -72,7 +72,9 @@ def overlapping(figure):
     boxes = []
     for axes in figure.axes:
         parts = [axes.title, axes.xaxis.label, axes.yaxis.label, *axes.get_legend().get_texts()]
-        parts += [*axes.get_xticklabels(), *axes.get_yticklabels()]
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            parts += [tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
         parts += [axes._left_title]
         boxes += [(part.get_text(), part.get_window_extent(renderer)) for part in parts if part.get_text()]
     inside = figure.bbox
