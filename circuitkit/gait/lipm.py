@@ -52,18 +52,30 @@ def dcm(com_m: Array, com_velocity: Array, com_height_m: float) -> Array:
     return com_m + com_velocity / natural_frequency(com_height_m)
 
 
-def largest_push_force(distance_m: float, duration_s: float, mass_kg: float, com_height_m: float) -> float:
-    """F = m omega^2 L / (1 - exp(-omega d)), in newtons: the largest constant push that can be held.
+def largest_push_force(
+    distance_m: float,
+    duration_s: float,
+    mass_kg: float,
+    com_height_m: float,
+    push_height_m: float | None = None,
+) -> float:
+    """F = m omega^2 L (h / h_p) / (1 - exp(-omega d)), in newtons: the largest push that can be held.
 
     No controller that keeps the ZMP inside the support can hold more: a constant force moves the point that
     the DCM runs away from by F / (m omega^2), and the DCM must not have left the support when the push ends.
     Eq. 22 is the limit of a lasting push.
 
+    A push at another height than the CoM's, h, brings a moment F (h_p - h) as well. A torso that is kept
+    upright hands it to the feet, y'' = omega^2 (y - p) + F h_p / (m h), so the force counts h_p / h times.
+    Whoever turns the torso can hold more than that for a while.
+
     Args:
         distance_m: L, from the DCM at the start of the push to the last DCM that can be held.
         duration_s: d.
         mass_kg: m.
-        com_height_m: z_CoM.
+        com_height_m: h, the height of the CoM.
+        push_height_m: h_p, where the push acts, above the floor; None at the CoM.
     """
     omega = natural_frequency(com_height_m)
-    return mass_kg * omega**2 * distance_m / -math.expm1(-omega * duration_s)
+    lever = 1.0 if push_height_m is None else com_height_m / push_height_m
+    return mass_kg * omega**2 * distance_m * lever / -math.expm1(-omega * duration_s)

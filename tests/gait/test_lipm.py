@@ -148,3 +148,29 @@ def test_a_lasting_push_is_held_up_to_eq_22():
 def test_a_short_push_is_held_by_its_impulse():
     """F d = m omega L: the impulse that brings the DCM to the edge at once."""
     assert largest_push_force(0.05, 1e-6, 5.18, HEIGHT) * 1e-6 == pytest.approx(5.18 * OMEGA * 0.05, rel=1e-5)
+
+
+def dcm_after_high_push(force_n, duration_s, push_height_m, edge_m=0.05, mass_kg=5.18):
+    """The DCM at the end of a push at some height, the torso upright, the ZMP at the edge; rigid body.
+
+    Ground force (R, m g) at the edge and push F at h_p: no moment about the CoM, m x'' = R + F.
+    """
+
+    def rates(_, s):
+        moment_of_push = force_n * (push_height_m - HEIGHT)
+        ground = ((s[0] - edge_m) * mass_kg * 9.81 + moment_of_push) / HEIGHT
+        return [s[1], (ground + force_n) / mass_kg]
+
+    end = solve_ivp(rates, (0.0, duration_s), [0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
+    return float(dcm(*end, HEIGHT))
+
+
+@pytest.mark.parametrize("push_height_m", [0.2, HEIGHT, 0.366])
+@pytest.mark.parametrize("duration_s", [0.1, 0.4])
+def test_a_push_above_the_com_is_harder_to_hold_by_its_moment(push_height_m, duration_s):
+    force = largest_push_force(0.05, duration_s, 5.18, HEIGHT, push_height_m)
+    assert dcm_after_high_push(force, duration_s, push_height_m) == pytest.approx(0.05, abs=1e-7)
+
+
+def test_a_push_at_the_com_is_that_of_the_point_mass():
+    assert largest_push_force(0.05, 0.2, 5.18, HEIGHT, HEIGHT) == largest_push_force(0.05, 0.2, 5.18, HEIGHT)

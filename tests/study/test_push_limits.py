@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 from circuitkit.circuit import load_circuit, resolve
@@ -16,6 +17,7 @@ from circuitkit.study.push_limits import (
     PUSH_KINDS,
     PushKind,
     dcm_bounds,
+    dcm_bounds_around,
     largest_survived,
     mean_ratio,
     plan_for_pushes,
@@ -67,6 +69,29 @@ def test_bounds_follow_the_duration_as_the_closed_form_says(plan: Plan):
             [impulse_like[0]] * 3, rel=0.02
         )  # the height is not quite 0.27 m
         assert forces == sorted(forces, reverse=True)
+
+
+def test_bounds_count_the_height_of_the_push(plan: Plan):
+    """On the torso, whose centre of mass is 98 mm above the robot's; and a push 98 mm lower is at the CoM."""
+    upright, point_mass = dcm_bounds(plan)[OUTWARD], dcm_bounds(plan, at_com_height=True)[OUTWARD]
+    assert upright / point_mass == pytest.approx(0.268 / 0.366, abs=0.005)
+    lower = plan.scenario.pushes[0].model_copy(update={"height": -0.0976})
+    scenario = plan.scenario.model_copy(update={"pushes": (lower,)})
+    assert dcm_bounds(dataclasses.replace(plan, scenario=scenario))[OUTWARD] == pytest.approx(
+        point_mass, rel=0.005
+    )
+
+
+def test_bounds_around_are_those_of_the_sides_and_forward_those_of_the_sole(plan: Plan):
+    found = dcm_bounds_around(plan, np.radians([0, 90, 180, 270]), 0.2)
+    sides = dcm_bounds(plan, [OUTWARD, INWARD])
+    assert found.upright_n[[1, 3]] == pytest.approx([sides[OUTWARD], sides[INWARD]], rel=0.01)
+    # The CoM stands at zmp.forward, 25.7 mm before the ankles, between heel and toes of the sole.
+    sole = plan.robot.spec.feet.left.sole
+    ways = np.array([sole.front - 0.0257, 0.0257 - sole.back])
+    omega = natural_frequency(0.268)
+    closed_form = plan.robot.mass_kg * omega**2 * ways / -math.expm1(-omega * 0.2)
+    assert found.point_mass_n[[0, 2]] == pytest.approx(closed_form, rel=0.03)
 
 
 def test_mean_ratio_is_the_mean_of_ratios():
