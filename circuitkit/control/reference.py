@@ -6,14 +6,17 @@ stand at first, in metres. Axis 0 is forward, axis 1 sideways; feet are in the o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.gait import LEFT, LegGeometry, Walk
+from circuitkit.gait import LEFT, LEG_JOINTS, LegGeometry, Walk
+from circuitkit.gait.legs import support_leg_length
 from circuitkit.gait.lipm import com_from_zmp, natural_frequency
 from circuitkit.gait.schedule import EXTEND, LIFT, Schedule, plan_steps
+from circuitkit.units import Unit
 
 Array = NDArray[np.float64]
 
@@ -31,6 +34,8 @@ class Body:
         soles_m: Extent of each sole from its ankle: foot, axis, lower and upper end; shape (2, 2, 2).
         stiffness: Of the ankle's servos, forward and sideways; shape (2,), [N m/rad].
         lag_s: By which these servos stay behind a moving target: damping over stiffness; shape (2,).
+        observations: Channels of the robot that can be read, with their units.
+        commands: Channels that can be written, with their units.
     """
 
     mass_kg: float
@@ -38,6 +43,8 @@ class Body:
     soles_m: Array
     stiffness: Array
     lag_s: Array
+    observations: Mapping[str, Unit] = field(default_factory=dict)
+    commands: Mapping[str, Unit] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -145,6 +152,22 @@ class WalkReference:
         pelvis = self.walk.pelvis_m[:, 1]
         way = float(pelvis @ pelvis)
         return float(self.com_m[: len(pelvis), 1] @ pelvis) / way if way > 0 else 1.0
+
+    def com_per_lean_m(self) -> float:
+        """How far the CoM goes for each sine of the ankle's angle: eq. 3, less what the legs lack."""
+        walk, names = self.walk, LEG_JOINTS
+        pitch, knee = (walk.joints_rad[0, names.index(f"left_{joint}_pitch")] for joint in ("ankle", "knee"))
+        return self.com_per_pelvis() * float(support_leg_length(pitch, knee, self.body.legs))
+
+    def joint_angles(self, names: Sequence[str]) -> Array:
+        """Planned angles of joints; shape (T, n), [rad]."""
+        angles: Array = self.walk.joints_rad[:, [LEG_JOINTS.index(name) for name in names]]
+        return angles
+
+    def delayed_rows(self, delay_s: float) -> NDArray[np.int64]:
+        """For each row, the row that was `delay_s` earlier, and the first one before there was any; (R,)."""
+        rows: NDArray[np.int64] = np.maximum(np.arange(len(self.com_m)) - round(delay_s / self.step_s), 0)
+        return rows
 
 
 def walk_reference(walk: Walk, body: Body, ahead_s: float = AHEAD_S) -> WalkReference:

@@ -9,14 +9,16 @@ from typing import TypeAlias, get_args
 
 from pydantic import ConfigDict, Field, field_validator
 
+from circuitkit.control.capture_step import CaptureStepSpec
 from circuitkit.control.dcm_ankle import DcmAnkleSpec
+from circuitkit.control.wieber_mpc import WieberMpcSpec
 from circuitkit.errors import UnknownNameError, listing, suggest
 from circuitkit.source import Data, FileModel, find_data_file, read_yaml, shipped_names, validate_model
 
 FOLDER = "sims/controllers"
 
 # A new kind is a class with a `kind` and a `build`, and its name in this line.
-ControllerSpec: TypeAlias = DcmAnkleSpec
+ControllerSpec: TypeAlias = DcmAnkleSpec | WieberMpcSpec | CaptureStepSpec
 
 KINDS: Mapping[str, type[ControllerSpec]] = {
     get_args(spec.model_fields["kind"].annotation)[0]: spec
@@ -52,7 +54,7 @@ def load_controller(name_or_path: str | Path, changes: Mapping[str, Data] | None
 
     Args:
         name_or_path: A path, or the name of a shipped one such as `dcm_ankle`.
-        changes: Values of keys that take the place of the file's.
+        changes: Values that take the place of the file's, by key; `lateral.limit` is a key within one.
 
     Raises:
         UnknownNameError: There is no shipped one of this name; lists those there are.
@@ -64,8 +66,14 @@ def load_controller(name_or_path: str | Path, changes: Mapping[str, Data] | None
         kind = "controller"
         raise UnknownNameError(kind, path.name, names)
     document = read_yaml(find_data_file(name_or_path, FOLDER))
-    if changes and isinstance(document.data, dict):
-        data: Data = {**document.data, **changes}
-        document = replace(document, data=data)
+    for key, value in (changes or {}).items():
+        document = replace(document, data=_changed(document.data, key.split("."), value))
     kind_of = validate_model(document, _Kind).kind
     return validate_model(document, KINDS[kind_of])
+
+
+def _changed(data: Data, path: list[str], value: Data) -> Data:
+    """The data with one value of a mapping, or of a mapping within it, put in the place of another."""
+    inside = data if isinstance(data, dict) else {}
+    name, *rest = path
+    return {**inside, name: _changed(inside.get(name), rest, value) if rest else value}

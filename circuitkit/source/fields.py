@@ -45,4 +45,5 @@ RadiansPerMetre = Annotated[float, BeforeValidator(_reader("rad/m", "8 rad/m")),
 RadianSecondsPerMetre = Annotated[
     float, BeforeValidator(_reader("rad*s/m", "0.2 rad*s/m")), WithJsonSchema(_TEXT)
 ]
+PerSecondToTheSixth = Annotated[float, BeforeValidator(_reader("1/s^6", "1e6 1/s^6")), WithJsonSchema(_TEXT)]
 Ratio = Annotated[float, BeforeValidator(_reader("1", "20 %")), WithJsonSchema(_TEXT)]

@@ -15,9 +15,10 @@ def reference():
 
 
 def build(reference, **changes):
-    """The shipped controller with changes, and its plan's own motion as an observation."""
+    """The shipped controller, on a robot that keeps its plan exactly, with changes."""
+    exact = {"derivative": "0 rad*s/m", "walk_delay": "0 s", "walk_sway": "100 %"}
     return load_controller(
-        "dcm_ankle", {"derivative": "0 rad*s/m", "reference_delay": "0 s", **changes}
+        "dcm_ankle", {f"lateral.{key}": value for key, value in (exact | changes).items()}
     ).build(reference)
 
 
@@ -60,6 +61,30 @@ def test_the_rate_counts_from_the_second_reading(reference):
     )
     rows = [planned(reference, 0), planned(reference, 1, com=0.002)]
     np.testing.assert_allclose(run(controller, rows)[:, 0, 0], [0.0, -0.1 * 0.002 / 0.01], atol=1e-12)
+
+
+def test_the_error_is_from_the_walk_as_the_robot_is_known_to_walk(reference):
+    controller = build(reference, walk_delay="40 ms", walk_sway="90 %")
+    tick = 150
+    controller._tick = tick
+    row = planned(reference, tick)
+    middle = reference.ankles_m[tick, :, 1].mean()
+    row[0, 0] = 0.9 * reference.com_m[tick - 4, 1] - middle
+    row[0, 1] = 0.9 * reference.com_velocity[tick - 4, 1]
+    np.testing.assert_allclose(run(controller, [row]), 0.0, atol=1e-12)
+
+
+def test_to_lean_forward_the_ankles_pitch_the_other_way(reference):
+    spec = load_controller("dcm_ankle", {"sagittal": {"proportional": "8 rad/m", "limit": "15 deg"}})
+    controller = spec.build(reference)
+    assert controller.commands == ("ankle_roll", "ankle_pitch")
+    assert controller.observations[:2] == ("com_y", "com_x")
+    y, vy, fy = planned(reference, 0)[0]
+    x = reference.com_m[0, 0] - reference.ankles_m[0, :, 0].mean()
+    row = np.array([[y, x + 0.01, vy, reference.com_velocity[0, 0], fy, reference.feet_apart_m[0, 0]]])
+    roll, pitch = run(controller, [row])[0, 0]
+    assert pitch == pytest.approx(8.0 * 0.01)
+    assert abs(roll) < 0.01
 
 
 def test_it_keeps_within_its_limit(reference):

@@ -11,6 +11,20 @@ from circuitkit.control import Controller, load_controller, shipped_controllers
 from circuitkit.control.spec import KINDS
 from circuitkit.errors import InputError
 
+MPC = """\
+controller: own
+kind: wieber_mpc
+feedback: joint_angles
+position_gain: 30 %
+preview_step: 20 ms
+preview_steps: 75
+zmp_weight: 1e6 /s^6
+margin: 5 mm
+follow: 100 %
+lean_per_zmp: 1 rad/m
+limit: 15 deg
+"""
+
 
 @pytest.mark.parametrize("name", shipped_controllers())
 def test_every_shipped_file_is_named_after_itself_and_builds(name):
@@ -33,13 +47,26 @@ def test_every_kind_is_found_by_its_name():
             "2:7: kind: unknown kind 'dcm_ankel'; allowed: KINDS; did you mean 'dcm_ankle'?",
         ),
         (
-            "controller: own\nkind: dcm_ankle\nproportional: 8 rad/m\nlimti: 15 deg\n",
-            "4:1: limti: unknown key 'limti'; allowed: axes, controller, derivative, derivative_filter, "
-            "description, kind, limit, proportional, reference_delay; did you mean 'limit'?",
+            "controller: own\nkind: dcm_ankle\nlateral:\n  proportional: 8 rad/m\n  limti: 15 deg\n",
+            "5:3: lateral.limti: unknown key 'limti'; allowed: derivative, derivative_filter, limit, "
+            "proportional, walk_delay, walk_sway; did you mean 'limit'?",
         ),
         (
-            "controller: own\nkind: dcm_ankle\nproportional: 8 deg\nlimit: 15 deg\n",
-            "3:15: proportional: found '8 deg', which is angle; allowed: a quantity such as '8 rad/m'",
+            "controller: own\nkind: dcm_ankle\nlateral: {proportional: 8 deg, limit: 15 deg}\n",
+            "3:25: lateral.proportional: found '8 deg', which is angle; "
+            "allowed: a quantity such as '8 rad/m'",
+        ),
+        (
+            "controller: own\nkind: dcm_ankle\n",
+            "1:1: neither lateral nor sagittal is there; allowed: one of them, or both",
+        ),
+        (
+            MPC + "velocity_gain: 50 %\n",
+            "1:1: found velocity_gain 0.5 with feedback joint_angles; allowed: 0, or feedback com",
+        ),
+        (
+            MPC.replace("joint_angles", "joint_angels"),
+            "3:11: feedback: found 'joint_angels'; allowed: joint_angles, com; did you mean 'joint_angles'?",
         ),
     ],
 )
@@ -51,9 +78,9 @@ def test_mistakes_are_told_with_line_and_column(tmp_path, text, message):
 
 
 def test_values_can_be_changed_and_are_checked_like_the_files():
-    assert load_controller("dcm_ankle", {"limit": "0.1 rad"}).limit == 0.1
+    assert load_controller("dcm_ankle", {"lateral.limit": "0.1 rad"}).lateral.limit == 0.1
     with pytest.raises(InputError, match="unknown key 'limti'"):
-        load_controller("dcm_ankle", {"limti": "1 deg"})
+        load_controller("dcm_ankle", {"lateral.limti": "1 deg"})
 
 
 def test_an_unknown_controller_is_told_with_built_ins_and_files():
