@@ -96,7 +96,11 @@ class Plan:
         servo = self.robot.leg_index[ankle]
         stiffness = self.robot.stiffness[servo]
         damping = -self.robot.model.actuator_biasprm[servo, 2]
-        body = Body(self.robot.mass_kg, legs, np.array(extent), stiffness, damping / stiffness)
+        channels = {name: channel.unit for name, channel in robot_channels(self.robot).items()}
+        body = Body(
+            self.robot.mass_kg, legs, np.array(extent), stiffness, damping / stiffness,
+            channels, command_units(self.robot),
+        )  # fmt: skip
         return walk_reference(self.walk, body)
 
     def setup(self, controller: str | ControllerSpec, trials: Sequence[Trial]) -> Setup:
