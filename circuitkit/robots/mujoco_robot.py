@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
+import mujoco
 import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from circuitkit.robots.sensing import Channel, Observer, channels
 from circuitkit.units import Unit, parse_unit
 
 Array = NDArray[np.float64]
+
+_NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 
 
 def plan_robot_walk(robot: RobotModel, gait: GaitSpec, ticks: int) -> tuple[Walk, Array]:
@@ -94,6 +97,9 @@ class MujocoRobot:
         self.qpos = self._worlds.bind("qpos")
         self._qvel = self._worlds.bind("qvel")
         self.readings = self._worlds.bind("sensordata")
+        self._flags = self._worlds.expand("opt.disableflags")
+        self._seeing = int(model.model.opt.disableflags)
+        self._stepped: NDArray[np.int32] | None = None
         self.qpos[:] = generalised_positions(model, walk)[0]
         self._worlds.forward()
 
@@ -126,8 +132,19 @@ class MujocoRobot:
         if torque is not None:
             self._force[:, body, 3:] = torque
 
+    def stop(self, robots: NDArray[np.bool_]) -> None:
+        """From now on time stands still for these robots, of all of them; shape (B,).
+
+        Their readings stay what they are, and `advance` costs less.
+        """
+        going = np.flatnonzero(~robots)
+        self._stepped = None if len(going) == self.batch else going.astype(np.int32)
+
     def advance(self, tick: int, commands: Array) -> None:
         """Send the targets of a tick plus the commands, and let one control step pass.
+
+        Sensors have no memory here, and nobody reads them between two control steps: they are worked out in
+        the last time step only, which leaves every bit as it is and saves a fifth of the time.
 
         Args:
             tick: Row of the walk.
@@ -135,7 +152,11 @@ class MujocoRobot:
         """
         np.vecdot(commands[:, None], self._mixing, self._ctrl)
         np.add(self._ctrl, self._targets[tick], self._ctrl)
-        self._worlds.step(nstep=self._substeps)
+        if self._substeps > 1:
+            self._flags[:] = self._seeing | _NO_SENSORS
+            self._worlds.step(self._stepped, self._substeps - 1)
+            self._flags[:] = self._seeing
+        self._worlds.step(self._stepped)
 
     def _command_matrix(self, names: Sequence[str]) -> Array:
         """Weights of the commands for each servo; shape (n, m)."""

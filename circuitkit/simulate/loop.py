@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,11 +123,56 @@ def run_to_see_who_stands(
 ) -> NDArray[np.bool_]:
     """The same without a recording: which of the B robots stand at the end; shape (B,)."""
     robot, record = _start(setup, threads, keep=False)
-    for done in _ticks(setup, robot, record):
+    for done in _ticks(setup, robot, record, to_the_fall=True):
         if progress is not None and done % _LOOK_EVERY == 0:
             progress(done)
     standing: NDArray[np.bool_] = record.fallen_tick < 0
     return standing
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What is kept of a run of B robots over T ticks if it is only to be judged; see `Recording`.
+
+    Attributes:
+        readings: Some columns of the true readings at the end of each tick; shape (T, B, c). Where a robot
+            has fallen they may be those of a moment soon after the fall.
+        commands: What the controller wrote; shape (T, B, m).
+        first: True readings at the end of the first tick; shape (B, s).
+    """
+
+    readings: Array
+    commands: Array
+    first: Array
+
+
+def run_and_watch(
+    setup: Setup,
+    columns: Sequence[int],
+    progress: Callable[[int], object] | None = None,
+    threads: int | None = None,
+) -> Watched:
+    """The same without a recording, but for some columns of the readings and the commands.
+
+    Args:
+        setup: What runs.
+        columns: The columns.
+        progress: Is told the number of ticks that are done.
+        threads: For the physics; by default all processors, one for one robot.
+    """
+    robot, record = _start(setup, threads, keep=False)
+    ticks, chosen = setup.walk.ticks, np.array(columns)
+    kept = np.empty((ticks, robot.batch, len(columns)))
+    commands = np.empty((ticks, robot.batch, len(setup.controller.commands)))
+    first, done = robot.readings, 0
+    for done in _ticks(setup, robot, record, to_the_fall=True):
+        robot.readings.take(chosen, axis=1, out=kept[done - 1])
+        commands[done - 1] = record.commands[done - 1]
+        if done == 1:
+            first = robot.readings.copy()
+        if progress is not None and done % _LOOK_EVERY == 0:
+            progress(done)
+    return Watched(kept[:done], commands[:done], first)
 
 
 def _start(setup: Setup, threads: int | None, *, keep: bool) -> tuple[MujocoRobot, _Recorder]:
@@ -139,8 +184,17 @@ def _start(setup: Setup, threads: int | None, *, keep: bool) -> tuple[MujocoRobo
     return robot, _Recorder(setup.walk.ticks, robot, setup.controller, keep=keep)
 
 
-def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]:
-    """Do one tick after the other; yields how many are done."""
+def _ticks(
+    setup: Setup, robot: MujocoRobot, record: _Recorder, *, to_the_fall: bool = False
+) -> Iterator[int]:
+    """Do one tick after the other; yields how many are done.
+
+    Args:
+        setup: What runs.
+        robot: The robots.
+        record: Takes what is recorded.
+        to_the_fall: What comes after a fall does not count: time stands still for who has fallen.
+    """
     sense = _sense(setup, robot)
     control, advance = setup.controller.step, robot.advance
     readings, qpos = robot.readings, robot.qpos
@@ -162,10 +216,13 @@ def _ticks(setup: Setup, robot: MujocoRobot, record: _Recorder) -> Iterator[int]
         record.qpos[tick] = qpos
         yield tick + 1
         if tick % _LOOK_EVERY == 0 or tick == last:
-            fallen = has_fallen(readings, setup.robot, first)
-            record.fallen_tick[fallen & (record.fallen_tick < 0)] = tick
-            if (record.fallen_tick >= 0).all():
-                last = min(last, int(record.fallen_tick.max()) + _AFTER_FALL)
+            newly = has_fallen(readings, setup.robot, first) & (record.fallen_tick < 0)
+            record.fallen_tick[newly] = tick
+            down = record.fallen_tick >= 0
+            if to_the_fall and newly.any():
+                robot.stop(down)
+            if down.all():
+                last = min(last, int(record.fallen_tick.max()) + (0 if to_the_fall else _AFTER_FALL))
         if tick >= last:
             return
 
@@ -182,6 +239,7 @@ class _Senses:
         noise = setup.fates.cell_noise
         self._noise = np.broadcast_to(silence, (setup.walk.ticks, *silence.shape)) if noise is None else noise
         self._factors = setup.cell_factors
+        self._missing = {tick for tick, row in self._factors.items() if np.isnan(row).any()}
         self._low, self._high = (np.full_like(silence, end) for end in setup.robot.spec.force_cells.range)
         self._observer = robot.observer(setup.controller.observations)
         self._observe = self._observer.bound(self._seen)
@@ -195,6 +253,7 @@ class _Senses:
         self._seen_others[...] = self._true_others
         if tick in self._factors:
             cells *= self._factors[tick]
+        if tick in self._missing:
             observation[...] = self._observer.where_some_are_missing(self._seen)
         else:
             self._observe(observation)

@@ -90,10 +90,7 @@ class Recording:
     @cached_property
     def support(self) -> NDArray[np.int64]:
         """Who carries, by the measured load: 0 the left foot alone, 1 the right, 2 both; shape (T, B)."""
-        total = self.loads_n.sum(axis=-1)
-        share = self.loads_n / np.maximum(total, 1e-9)[..., None]
-        alone = share > _ALONE
-        return np.where(alone[..., 0], 0, np.where(alone[..., 1], 1, 2))
+        return support_by_load(self.loads_n)
 
     @cached_property
     def centre_of_pressure_m(self) -> Array:
@@ -207,6 +204,18 @@ class Recording:
         read = {f"input_{name}": channel.unit for name, channel in robot_channels(self.robot).items()}
         written = {f"output_{name}": unit for name, unit in command_units(self.robot).items()}
         return {name: unit.dimension.si_symbol for name, unit in (read | written).items()}
+
+
+def support_by_load(loads_n: Array) -> NDArray[np.int64]:
+    """Who carries: 0 the left foot alone, 1 the right, 2 both; shape (...).
+
+    Args:
+        loads_n: Weight on each foot, left and right; shape (..., 2).
+    """
+    total = loads_n.sum(axis=-1)
+    share = loads_n / np.maximum(total, 1e-9)[..., None]
+    alone = share > _ALONE
+    return np.where(alone[..., 0], 0, np.where(alone[..., 1], 1, 2))
 
 
 def _unit_of(column: str) -> str:

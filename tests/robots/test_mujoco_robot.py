@@ -375,6 +375,35 @@ def test_a_robot_does_the_same_in_a_batch_of_any_size():
     np.testing.assert_array_equal(three.view(np.int64), five[:3].view(np.int64))
 
 
+def test_sensors_in_the_last_time_step_only_change_no_bit():
+    """Against MuJoCo itself, stepped one by one with all sensors in every step."""
+    robot, data = nao(), mujoco.MjData(nao().model)
+    walk, targets = walk_of("gait_march")
+    stepped = MujocoRobot(robot, walk, targets)
+    data.qpos[:] = stepped.qpos[0]
+    mujoco.mj_forward(robot.model, data)
+    for tick in range(160):
+        data.ctrl[:] = targets[tick]
+        mujoco.mj_step(robot.model, data, nstep=5)
+        stepped.advance(tick, np.zeros((1, 0)))
+        np.testing.assert_array_equal(stepped.readings[0], data.sensordata)
+    np.testing.assert_array_equal(stepped.qpos[0], data.qpos)
+
+
+def test_robots_that_are_stopped_stay_and_the_others_go_on():
+    walk, targets = walk_of("gait_march")
+    some, all_ = (MujocoRobot(nao(), walk, targets, batch=3) for _ in range(2))
+    for tick in range(120, 150):
+        if tick == 130:
+            some.stop(np.array([False, True, False]))
+            held = some.qpos[1].copy()
+        for robots in (some, all_):
+            robots.advance(tick, np.zeros((3, 0)))
+    np.testing.assert_array_equal(some.qpos[1], held)
+    np.testing.assert_array_equal(some.qpos[[0, 2]], all_.qpos[[0, 2]])
+    assert np.abs(all_.qpos[1] - held).max() > 0.01
+
+
 def test_robots_may_follow_targets_of_their_own():
     walk, targets = still()
     each = np.repeat(targets[:, None], 2, axis=1)

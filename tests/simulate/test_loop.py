@@ -11,10 +11,12 @@ from robots.nao_files import renamed_robot
 from simulate.made_up import EDGES
 from walking import a_push, assert_same_bits, fault, nao, plan_of, walk_alone
 
+from circuitkit import parse_circuit, resolve
 from circuitkit.robots import load_robot
 from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import has_fallen, run_loop, run_to_see_who_stands
+from circuitkit.simulate.loop import has_fallen, run_and_watch, run_loop, run_to_see_who_stands
 from circuitkit.simulate.scenario import Jitter, SensorNoise
+from circuitkit.units import parse_quantity
 
 CHANCE = {
     "jitter": Jitter.model_validate({"push_start": "20 ms", "base_velocity": "1 cm/s"}),
@@ -221,6 +223,53 @@ def test_seeing_who_stands_is_what_a_recording_shows():
     stands = ~has_fallen(recording.readings, nao(), recording.readings[0]).any(axis=0)
     np.testing.assert_array_equal(run_to_see_who_stands(setup), stands)
     assert stands.tolist() == [True, False, True]
+
+
+def test_who_has_fallen_is_stepped_no_further_if_only_the_verdict_counts():
+    """The others go on to the same bits; the fallen one stays where it was within 20 ticks of its fall."""
+    hard = a_push(force=60.0, duration=0.3, direction="forward")
+    setup = plan().setup("circuit", [Trial(0, ()), Trial(0, (hard,)), Trial(1, ())])
+    recording = run_loop(setup)
+    every = range(nao().layout.width)
+    watched = run_and_watch(setup, every)
+    np.testing.assert_array_equal(watched.readings[:, [0, 2]], recording.readings[:, [0, 2]])
+    np.testing.assert_array_equal(watched.commands[:, [0, 2]], recording.commands[:, [0, 2]])
+    np.testing.assert_array_equal(watched.first, recording.readings[0])
+    fall = int(has_fallen(recording.readings, nao(), recording.readings[0])[:, 1].argmax())
+    still = np.flatnonzero((np.diff(watched.readings[:, 1], axis=0) == 0).all(axis=1))
+    assert fall <= still[0] <= fall + 20
+    assert len(still) == recording.ticks - 1 - still[0]
+    np.testing.assert_array_equal(watched.readings[: still[0], 1], recording.readings[: still[0], 1])
+
+
+# --- old readings -------------------------------------------------------------------------------------------
+
+
+def test_a_delay_shifts_what_is_read_by_whole_ticks_and_nothing_else():
+    """Under a circuit without outputs that matter the robot does the same, so every reading is just older."""
+    text = EDGES.replace("readout: {out: 1 deg}", "readout: {out: 0 deg}")
+    for ticks, delay in ((1, "10 ms"), (3, "30 ms")):
+        now, later = (idle_reader(text, delay=each) for each in ("0 ms", delay))
+        np.testing.assert_array_equal(later.qpos, now.qpos)
+        np.testing.assert_array_equal(later.observations[ticks:], now.observations[:-ticks])
+        np.testing.assert_array_equal(later.observations[:ticks], now.observations[[0] * ticks])
+        assert np.ptp(now.observations) > 1e-3
+
+
+@cache
+def idle_reader(text, delay):
+    """A run of a circuit that reads noise and commands nothing."""
+    circuit = resolve(parse_circuit(text, "edges.yaml"))
+    changes = {"sensor_noise": CHANCE["sensor_noise"], "faults": (fault("LFsrFL", "zero", 0.3, 0.2),)}
+    delayed = plan_of(duration=0.8, sensor_delay=parse_quantity(delay).value_si, **changes)
+    return walk_alone(replace(delayed, circuit=circuit))
+
+
+def test_a_missing_reading_arrives_late_as_well():
+    broken = fault("LFsrFL", "missing", 0.3, 0.1)
+    recording = walk_alone(plan_of(duration=0.6, faults=(broken,), sensor_delay=0.02))
+    missing = np.isnan(recording.observations).any(axis=(1, 2))
+    np.testing.assert_array_equal(missing.nonzero()[0], range(32, 42))
 
 
 # --- missing readings and interruptions ---------------------------------------------------------------------

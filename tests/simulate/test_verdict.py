@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from simulate.made_up import EDGES, edges, recording
-from walking import scenario
+from walking import a_push, plan_of, scenario
 
 from circuitkit import load_circuit, parse_circuit, resolve
 from circuitkit.errors import InputError
 from circuitkit.simulate import judge, threshold_lines
+from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulate.loop import run_loop
+from circuitkit.simulate.scenario import Jitter
+from circuitkit.simulate.verdict import run_and_judge
 
 THRESHOLDS = scenario().thresholds
 ON_LEFT, ON_RIGHT, ON_BOTH = 0.97, 0.03, 0.5
@@ -165,3 +169,38 @@ def test_weights_that_turn_an_edge_over_keep_it_where_it_is():
     text = text.replace("{from: zmp_y, to: q2, weight: 1}", "{from: zmp_y, to: q2, weight: -1}")
     lines = threshold_lines(resolve(parse_circuit(text)), THRESHOLDS)
     assert lines[1, 1] == pytest.approx(-0.02)
+
+
+# --- verdicts without a recording ---------------------------------------------------------------------------
+
+
+def test_running_for_the_verdict_alone_gives_that_of_the_recording():
+    """A robot left alone, one that is pushed hard, one that falls, one whose push never comes."""
+    jitter = Jitter.model_validate({"push_start": "20 ms", "base_velocity": "1 cm/s"})
+    plan = plan_of("binn_lateral_tuned", duration=3.4, jitter=jitter)
+    forces = (14.0, 60.0)
+    trials = [Trial(3, ()), *(Trial(4 + i, (a_push(force=force),)) for i, force in enumerate(forces))]
+    setup = plan.setup("circuit", trials)
+    recording = run_loop(setup)
+    judged = run_and_judge(setup, THRESHOLDS)
+    assert [each.verdict for each in judged] == [judge(recording, THRESHOLDS, robot) for robot in range(3)]
+    assert [each.verdict.survived for each in judged] == [True, True, False]
+    assert judged[1].verdict.max_zmp_excursion_m > 0
+    for robot, each in enumerate(judged):
+        fall = each.verdict.time_of_fall_s
+        commands = recording.commands[: None if fall is None else round(fall / 0.01) - 1, robot, 0]
+        assert each.rms == {"ankle_roll": pytest.approx(np.sqrt(np.mean(commands**2)), rel=1e-12)}
+
+
+def test_a_verdict_is_the_same_to_the_bit_for_any_batch():
+    plan = plan_of("binn_lateral_tuned", duration=2.4)
+    trials = [Trial(seed, (a_push(force=force),)) for seed, force in enumerate((10.0, 50.0, 25.0))]
+    together = run_and_judge(plan.setup("circuit", trials), THRESHOLDS, threads=2)
+    alone = [run_and_judge(plan.setup("circuit", [trial]), THRESHOLDS)[0] for trial in trials]
+    assert list(together) == alone
+
+
+def test_an_open_loop_spends_nothing():
+    (judged,) = run_and_judge(plan_of(duration=0.5).setup("open_loop", [Trial(0, ())]), THRESHOLDS)
+    assert judged.rms == {}
+    assert judged.verdict.survived
