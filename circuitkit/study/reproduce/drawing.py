@@ -1,0 +1,79 @@
+"""What the pictures of several figures have in common, so that they read alike, also in grey."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from circuitkit.draw.style import EXCITATORY, GATE, GREY, INHIBITORY, INK, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH_IN = 7.2
+PUSHED = "#c8201a"  # from the push on, as in the paper
+CYCLE = "#a6a6a6"
+BAND, PUSH_FILL = "#dcdcdc", "#f6c945"
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a contender is drawn in every figure.
+
+    Attributes:
+        label: In legends and tables.
+        colour: Of its line.
+        dashes: Of its line; no two have the same dashes and marker.
+        marker: At its points.
+        filled: Whether the marker is filled.
+    """
+
+    label: str
+    colour: str
+    dashes: Any
+    marker: str
+    filled: bool = True
+
+    def line(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401 - whatever `Axes.plot` takes
+        """Arguments of `Axes.plot`."""
+        face = self.colour if self.filled else "white"
+        return {
+            "label": self.label,
+            "color": self.colour,
+            "linestyle": self.dashes,
+            "marker": self.marker,
+            "markerfacecolor": face,
+            "markersize": 4.5,
+            "linewidth": 1.3,
+            **more,
+        }
+
+
+LOOKS: Mapping[str, Look] = {
+    "open_loop": Look("open loop", GREY, (0, (1, 1.5)), "o", filled=False),
+    "mpc": Look("MPC, joint angles (as NAO's)", "#e6a100", "--", "^", filled=False),
+    "mpc_full": Look("MPC, full CoM feedback", "#9a6b00", "-.", "v"),
+    "dcm_ankle": Look("ankle PD on the DCM", GATE, (0, (6, 1.5, 1, 1.5, 1, 1.5)), "D", filled=False),
+    "binn": Look("BiNN as the paper reads", INHIBITORY, (0, (3, 1.5)), "s", filled=False),
+    "binn_tuned": Look("BiNN, tuned", EXCITATORY, "-", "s"),
+    "bound": Look("bound by the DCM", INK, ":", ""),
+    "point_mass": Look("the same, pushed at the CoM", "#9a9a9a", ":", ""),
+}
+
+
+def label_of(contender: str) -> str:
+    """The name of a contender in words."""
+    return LOOKS[contender].label if contender in LOOKS else contender.replace("_", " ")
+
+
+def save(figure: Figure, folder: Path, name: str) -> str:
+    """Write a picture for the screen and one for print.
+
+    Returns:
+        The file name of the one for the screen.
+    """
+    save_figure(figure, folder / f"{name}.pdf")
+    save_figure(figure, folder / f"{name}.png")
+    return f"{name}.png"
