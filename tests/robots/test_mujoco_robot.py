@@ -326,19 +326,22 @@ def test_a_push_in_free_flight_gives_its_impulse_to_the_body():
     np.testing.assert_allclose(gained, expected, atol=2e-5)
 
 
-def test_a_push_at_a_body_acts_at_its_centre_of_mass():
+@pytest.mark.parametrize("height_m", [0.0, 0.1])
+def test_a_push_at_a_body_acts_at_its_centre_of_mass_or_above(height_m):
     """In free flight the angular momentum about the CoM changes by lever times impulse."""
     robot = MujocoRobot(nao(), *still(), batch=1)
     robot.qpos[:, 2] += 1.0
     model, data = nao().model, mujoco.MjData(nao().model)
     head = body_number(nao(), "Head")
-    robot.push(head, np.array([[0.0, 5.0, 0.0]]))
+    robot.push(head, np.array([[0.0, 5.0, 0.0]]), np.array([[-height_m * 5.0, 0.0, 0.0]]))
     robot.advance(0, np.zeros((1, 0)))
     data.qpos[:], data.qvel[:] = robot.qpos[0], robot._qvel[0]
     mujoco.mj_forward(model, data)
     mujoco.mj_subtreeVel(model, data)
     lever = data.xipos[head] - data.body("torso").subtree_com
-    assert data.body("torso").subtree_angmom[0] == pytest.approx(-lever[2] * 5.0 * 0.01, rel=0.05)
+    assert data.body("torso").subtree_angmom[0] == pytest.approx(
+        -(lever[2] + height_m) * 5.0 * 0.01, rel=0.05
+    )
 
 
 def test_the_base_can_be_given_a_velocity():

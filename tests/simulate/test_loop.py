@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from robots.nao_files import renamed_robot
 from simulate.made_up import EDGES
+from simulate.test_scenario import TEXT
 from walking import a_push, assert_same_bits, fault, nao, plan_of, walk_alone
 
 from circuitkit import parse_circuit, resolve
-from circuitkit.robots import load_robot
+from circuitkit.errors import InputError
+from circuitkit.robots import Plant, load_robot
+from circuitkit.simulate import load_scenario, make_plan
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import has_fallen, run_and_watch, run_loop, run_to_see_who_stands
 from circuitkit.simulate.scenario import Jitter, SensorNoise
@@ -186,6 +189,56 @@ def test_a_push_gives_its_impulse_to_the_robot():
     assert 0.6 < faster[1] / (60 * 0.02 / nao().mass_kg) < 1.0
     assert abs(faster[0]) < 0.03
     np.testing.assert_array_equal(pushed.qpos[: after - 5], calm.qpos[: after - 5])
+
+
+def test_a_push_above_the_centre_of_mass_turns_the_torso_over():
+    """To the left: about -x, the more the higher it acts; the force is the same."""
+    rates, forces = [], []
+    for height in (0.0, 0.08):
+        push = a_push(force=30.0, duration=0.02, direction="90 deg", height=height)
+        recording = walk_alone(plan_of(duration=1.4, pushes=(push,)), "open_loop")
+        after = round(recording.fates.windows_s[0, 1] / 0.01)
+        rates.append(recording.channel("gyro_x")[after, 0])
+        forces.append(recording.push_n)
+    assert rates[1] < rates[0] - 0.05
+    np.testing.assert_array_equal(*forces)
+
+
+# --- the plant ----------------------------------------------------------------------------------------------
+
+
+def test_a_plant_is_simulated_and_neither_walk_nor_controller_know():
+    plain = plan_of(duration=1.2)
+    other = plan_of(duration=1.2, plant=Plant(mass=1.1, slope={"left": "2 deg"}))
+    np.testing.assert_array_equal(other.targets, plain.targets)
+    np.testing.assert_array_equal(other.walk.pelvis_m, plain.walk.pelvis_m)
+    assert other.robot.mass_kg == plain.robot.mass_kg
+    setup = other.setup("circuit", [Trial(0, ())])
+    assert setup.robot.mass_kg == pytest.approx(1.1 * plain.robot.mass_kg)
+    recording = run_loop(setup)
+    assert recording.channel("load")[100, 0] == pytest.approx(1.1 * plain.robot.mass_kg * 9.81, rel=0.02)
+    assert np.abs(recording.qpos - walk_alone(plain).qpos).max() > 1e-3
+
+
+def test_a_payload_nowhere_is_told_with_its_line(tmp_path):
+    text = TEXT + "plant: {payload: {body: r_hand, mass: 0.3 kg}}\n"
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        make_plan(load_scenario(path))
+    said = str(caught.value).replace(str(path), "mine.yaml")
+    assert said.startswith("mine.yaml:22:25: plant.payload.body: unknown body 'r_hand'; allowed: torso, ")
+
+
+def test_a_delay_between_control_steps_is_told_with_its_line(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(TEXT + "sensor_delay: 25 ms\n", encoding="utf-8")
+    plan = make_plan(load_scenario(path))
+    with pytest.raises(InputError) as caught:
+        plan.setup("open_loop", [Trial(0, ())])
+    assert str(caught.value).replace(str(path), "mine.yaml") == (
+        "mine.yaml:22:15: sensor_delay: found 25 ms; allowed: a multiple of the control step of 10 ms"
+    )
 
 
 # --- falling ------------------------------------------------------------------------------------------------
