@@ -7,15 +7,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 import circuitkit
 from circuitkit.errors import CircuitkitError
-from circuitkit.simulate import Plan, Push, Recording
+from circuitkit.simulate import Plan, Push
 from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
 from circuitkit.simulate.run import PreparedWalk, prepare_walk
-from circuitkit.simulate.verdict import judge_all
+from circuitkit.simulate.verdict import Judged, run_and_judge
 from circuitkit.study.points import Point
 
 _KEPT_WALKS = 16  # robots with their walks that a worker keeps
@@ -97,7 +94,8 @@ def run_job(job: Job) -> Done:
 def _outcomes(point: Point, trials: tuple[Trial, ...]) -> tuple[Outcome | CircuitkitError, ...]:
     try:
         plan = plan_of(point)
-        recording = run_loop(plan.setup(point.controller, trials), threads=1)
+        setup = plan.setup(point.controller, trials)
+        judged = run_and_judge(setup, plan.scenario.thresholds, threads=1)
     except CircuitkitError as error:
         by_pushes: dict[tuple[Push, ...], None] = dict.fromkeys(trial.pushes for trial in trials)
         if len(by_pushes) == 1:
@@ -107,32 +105,19 @@ def _outcomes(point: Point, trials: tuple[Trial, ...]) -> tuple[Outcome | Circui
             some = tuple(trial for trial in trials if trial.pushes == pushes)
             found |= dict(zip(some, _outcomes(point, some), strict=True))
         return tuple(found[trial] for trial in trials)
-    if recording.interrupted:
-        raise KeyboardInterrupt
-    return judged(recording, plan)
+    return tuple(_outcome(trial.seed, each) for trial, each in zip(trials, judged, strict=True))
 
 
-def judged(recording: Recording, plan: Plan) -> tuple[Outcome, ...]:
-    """The outcomes of all robots of a recording."""
-    verdicts = judge_all(recording, plan.scenario.thresholds)
-    dt = recording.walk.gait.control_step
-    lasted = np.where(verdicts.survived, recording.ticks, np.nan_to_num(verdicts.time_of_fall_s) / dt)
-    outcomes = []
-    for i, trial in enumerate(recording.trials):
-        verdict = verdicts[i]
-        commands = recording.commands[: round(lasted[i]), i]
-        rms = np.sqrt(np.square(commands).mean(axis=0)) if len(commands) else np.zeros(commands.shape[-1])
-        outcomes.append(
-            Outcome(
-                seed=trial.seed,
-                survived=verdict.survived,
-                time_of_fall_s=verdict.time_of_fall_s,
-                max_zmp_excursion_m=verdict.max_zmp_excursion_m,
-                recovery_time_s=verdict.recovery_time_s,
-                rms=dict(zip(recording.command_names, (float(value) for value in rms), strict=True)),
-            )
-        )
-    return tuple(outcomes)
+def _outcome(seed: int, judged: Judged) -> Outcome:
+    verdict = judged.verdict
+    return Outcome(
+        seed=seed,
+        survived=verdict.survived,
+        time_of_fall_s=None if verdict.time_of_fall_s is None else float(verdict.time_of_fall_s),
+        max_zmp_excursion_m=float(verdict.max_zmp_excursion_m),
+        recovery_time_s=None if verdict.recovery_time_s is None else float(verdict.recovery_time_s),
+        rms={name: float(value) for name, value in judged.rms.items()},
+    )
 
 
 def plan_of(point: Point) -> Plan:

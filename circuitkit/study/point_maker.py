@@ -352,10 +352,9 @@ class PointMaker:
                     message = f"{there} is no list; allowed: a list before [{part}]"
                     raise InputError(self._problem(change, message, is_name=True))
                 if part >= len(around):
-                    have = (
-                        f"[0] to [{len(around) - 1}]" if len(around) > 1 else "[0]" if around else "nothing"
-                    )
-                    message = f"{there} has {len(around)} items; allowed: {have}"
+                    have = f"[0] to [{len(around) - 1}]" if around[1:] else "[0]" if around else "nothing"
+                    items = "item" if len(around) == 1 else "items"
+                    message = f"{there} has {len(around)} {items}; allowed: {have}"
                     raise InputError(self._problem(change, message, is_name=True))
             elif isinstance(around, list):
                 message = f"{there} is a list; allowed: an item of it, such as {there}[0].{part}"

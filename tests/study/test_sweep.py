@@ -1,0 +1,248 @@
+"""Sweeps: what they find against simulations made by hand, the same bytes however they run, and resuming."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+
+import pyarrow.parquet
+import pytest
+from study.cut import FORCES_N, SEEDS, small_study
+
+from circuitkit.errors import CircuitkitError, InputError, SimulationError
+from circuitkit.files import OutputError
+from circuitkit.simulate import load_scenario, make_plan
+from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulate.loop import run_loop, run_to_see_who_stands
+from circuitkit.simulate.verdict import judge
+from circuitkit.source import data_folder
+from circuitkit.study import make_study, open_pool, read_results, run_points, run_studies, sweep
+from circuitkit.study.pool import PoolError
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """The small study by one worker: its folder and its results."""
+    folder = tmp_path_factory.mktemp("sweep")
+    return folder, sweep(small_study(), folder, workers=1, progress=False)
+
+
+def contents(folder):
+    return (folder / "results.parquet").read_bytes()
+
+
+def by_hand(direction, force, gait="gait_march", duration=2.35):
+    """The scenario that a run of the small study should be."""
+    scenario = load_scenario("nao_push")
+    push = scenario.pushes[0]
+    start = push.start.model_copy(update={"step": 0})
+    push = push.model_copy(update={"start": start, "direction": direction, "force": force, "duration": 0.2})
+    return scenario.model_copy(update={"gait": gait, "duration": duration, "pushes": (push,)})
+
+
+CONTROLLER = {"open loop": "open_loop", "tuned, towards the edge": "circuit"}
+
+
+def test_limits_are_what_trying_every_force_finds(swept):
+    for limit in swept[1].limits():
+        direction, contender = limit.labels["pushes[0].direction"], limit.labels["contender"]
+        trials = [Trial(seed, by_hand(direction, force).pushes) for force in FORCES_N for seed in SEEDS]
+        plan = make_plan(by_hand(direction, 0.0))
+        stood = run_to_see_who_stands(plan.setup(CONTROLLER[contender], trials)).reshape(-1, len(SEEDS))
+        first_failure = int((~stood.all(axis=1)).argmax())
+        assert 0 < first_failure < len(FORCES_N)
+        assert limit.fails_at == FORCES_N[first_failure]
+        assert limit.largest == FORCES_N[first_failure - 1]
+        assert (limit.survived, limit.runs) == (len(SEEDS), len(SEEDS))
+
+
+def test_a_row_is_the_verdict_on_a_run_of_its_own(swept):
+    _, results = swept
+    for row in [row for row in results.rows if row["pushes[0].force"] == 30.0][::3]:
+        scenario = by_hand(row["pushes[0].direction"], 30.0)
+        setup = make_plan(scenario).setup(CONTROLLER[row["contender"]], [Trial(row["seed"], scenario.pushes)])
+        verdict = judge(run_loop(setup), scenario.thresholds)
+        assert [row[name] for name in verdict.__dataclass_fields__] == list(vars(verdict).values())
+        assert ("rms_ankle_roll" in row) == (row["contender"] != "open loop")
+
+
+def test_a_row_has_the_whole_scenario(swept):
+    _, results = swept
+    row = results.rows[-1]
+    said = json.loads(row["scenario"])
+    assert said["seed"] == row["seed"]
+    assert said["pushes"][0]["force"] == row["pushes[0].force"]
+    assert said["gait_numbers"]["single_support"] == 0.5
+    assert len({each["key"] for each in results.rows}) == len(results.rows)
+
+
+@pytest.mark.parametrize(("workers", "batch"), [(1, 3), (2, None)])
+def test_the_bytes_are_the_same_for_any_workers_and_batch(swept, tmp_path, workers, batch):
+    sweep(small_study(), tmp_path, workers=workers, batch=batch, progress=False)
+    assert contents(tmp_path) == contents(swept[0])
+
+
+def test_what_was_written_reads_back(swept):
+    folder, results = swept
+    read = read_results(folder)
+    assert read.complete
+    assert read.rows == results.rows
+    assert read.limits() == results.limits()
+    table = pyarrow.parquet.read_table(folder / "results.parquet")
+    assert table.schema.field("pushes[0].force").metadata == {b"unit": b"N"}
+    assert table.schema.field("pushes[0].duration").metadata == {b"unit": b"s"}
+
+
+class Stopper:
+    """Progress that stops a sweep after some runs, or counts the first runs that it hears of."""
+
+    def __init__(self, after=10**9):
+        self.after, self.at_first = after, None
+
+    def __call__(self, done, expected):
+        assert done <= expected
+        self.at_first = done if self.at_first is None else self.at_first
+        if done >= self.after:
+            raise KeyboardInterrupt
+
+
+def test_a_stopped_sweep_goes_on_where_it_was_and_ends_with_the_same_bytes(swept, tmp_path):
+    with pytest.raises(KeyboardInterrupt, match=r"runs are kept in .*; --resume"):
+        sweep(small_study(), tmp_path, workers=1, batch=4, progress=Stopper(after=6))
+    partly = read_results(tmp_path)
+    assert not partly.complete
+    assert 6 <= len(partly.rows) < len(swept[1].rows)
+    assert all(row in swept[1].rows for row in partly.rows)
+    rest = Stopper()
+    sweep(small_study(), tmp_path, workers=1, resume=True, progress=rest)
+    assert rest.at_first == len(partly.rows)
+    assert contents(tmp_path) == contents(swept[0])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["results.parquet", "study.json"]
+    again = Stopper()
+    sweep(small_study(), tmp_path, workers=1, resume=True, progress=again)
+    assert again.at_first == len(swept[1].rows)
+
+
+def test_results_are_not_overwritten_without_a_word(swept):
+    with pytest.raises(
+        CircuitkitError, match=r"has 20 runs of the study 'push_limits'; go on .* by --resume"
+    ):
+        sweep(small_study(), swept[0], workers=1, progress=False)
+
+
+def test_another_study_does_not_go_on_with_the_results(swept):
+    other = small_study().with_({"seeds": {"count": 3}, "watch": "2 s"})
+    with pytest.raises(InputError) as caught:
+        sweep(other, swept[0], workers=1, resume=True, progress=False)
+    assert 'watch was "1 s" and is "2 s"; seeds.count was 2 and is 3; name another folder' in str(
+        caught.value
+    )
+
+
+def test_a_circuit_that_says_something_else_is_another_study(tmp_path):
+    mine, out = tmp_path / "mine.yaml", tmp_path / "out"
+    lines = ("circuit: mine", "control_step: 10 ms", "timing: ordered")
+    said = "\n".join([*lines, f"include: [{data_folder('circuits')}/binn_lateral.yaml]", ""])
+    changed = {"circuit": str(mine), "gait": "gait_march", "duration": "6 s"}
+    study = make_study({"study": "x", "scenario": "nao_push", "seeds": {"count": 1}, "set": changed})
+    mine.write_text(said)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(study, out, workers=1, progress=Stopper(after=0))
+    mine.write_text(said + "parameters: {w: 1 deg}\n")
+    with pytest.raises(InputError, match=r"the circuit .*mine\.yaml says something else now; name another"):
+        sweep(study.with_({}), out, workers=1, resume=True, progress=False)
+
+
+def test_a_full_disk_is_told_and_keeps_what_is_there(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(pyarrow.parquet, "write_table", full)
+    study = small_study().with_({"search": None, "seeds": {"count": 1}, "axes": {"contender": ["open loop"]}})
+    with pytest.raises(OutputError, match=r"No space left on device; the runs before are kept in .*--resume"):
+        sweep(study, tmp_path, workers=1, progress=False)
+
+
+def test_a_folder_without_results_is_told(tmp_path):
+    with pytest.raises(InputError, match=r"there are no results of a sweep in"):
+        read_results(tmp_path)
+
+
+# --- in memory ----------------------------------------------------------------------------------------------
+
+
+def test_points_come_back_in_their_order_and_the_wrong_ones_as_errors(swept):
+    _, results = swept
+    study = small_study()
+    push = {"pushes[0].direction": "inward", "pushes[0].duration": "0.2 s", "gait": "gait_march"}
+    points = [
+        push | {"controller": "open_loop", "pushes[0].force": "30 N"},
+        push | {"circuit.q1.slpoe": "3 /m"},
+        push | {"gait.lift.height": "8 cm", "gait.knee": "3 deg"},
+        push | {"pushes[0].body": "tail"},
+        push | {"controller": "circuit", "pushes[0].force": "15 N"},
+    ]
+    with open_pool(1) as pool:
+        found = run_points(study, points, [1, 0], pool)
+    assert isinstance(found[1], InputError)
+    assert "did you mean 'q1.slope'" in str(found[1])
+    assert isinstance(found[2], SimulationError | InputError)
+    assert "unknown body 'tail'" in str(found[3])
+    for point, outcomes in ((points[0], found[0]), (points[4], found[4])):
+        name = next(label for label, controller in CONTROLLER.items() if controller == point["controller"])
+        rows = {
+            row["seed"]: row
+            for row in results.rows
+            if row["contender"] == name
+            and row["pushes[0].direction"] == "inward"
+            and f"{row['pushes[0].force']:g} N" == point["pushes[0].force"]
+        }
+        assert [outcome.seed for outcome in outcomes] == [1, 0]
+        for outcome in outcomes:
+            assert outcome.row().items() <= rows[outcome.seed].items()
+
+
+def test_studies_side_by_side_find_what_each_finds_alone(swept):
+    tuned = small_study().with_({"axes": {"contender": ["tuned, towards the edge"]}})
+    wrong = small_study().with_({"set": {"circuit.nothing": 3}})
+    with open_pool(1) as pool:
+        one, other, error = run_studies([tuned, small_study(), wrong], pool)
+    assert isinstance(error, InputError)
+    assert other.rows == swept[1].rows
+    assert one.limits() == swept[1].limits()[2:]
+
+
+def test_without_search_shares_are_found(tmp_path):
+    study = small_study().with_({"search": None, "axes": {"contender": ["open loop"]}})
+    shares = sweep(study, tmp_path, workers=1, progress=False).shares()
+    assert [(share.survived, share.runs) for share in shares] == [(0, 2), (2, 2)]  # 20 N outward, inward
+    with pytest.raises(CircuitkitError, match=r"has no search; ask for shares"):
+        read_results(tmp_path).limits()
+
+
+# --- workers ------------------------------------------------------------------------------------------------
+
+
+def test_a_worker_that_is_killed_is_told():
+    def kill_one(*_):
+        if workers := list(pool._processes.values()):
+            os.kill(workers[0].pid, signal.SIGKILL)
+
+    with open_pool(2) as pool, pytest.raises(PoolError, match=r"has ended by signal 9; .*fewer --workers"):
+        run_studies([small_study()], pool, progress=kill_one)
+
+
+@pytest.mark.parametrize("workers", [0, -1, 5000])
+def test_numbers_of_workers_without_sense_are_refused(workers):
+    with pytest.raises(CircuitkitError, match=rf"found {workers} workers; allowed: 1 to"), open_pool(workers):
+        pass
+
+
+def test_a_batch_without_runs_is_refused():
+    with (
+        open_pool(1) as pool,
+        pytest.raises(CircuitkitError, match=r"found a batch of 0; allowed: 1 or more"),
+    ):
+        run_studies([small_study()], pool, batch=0)
