@@ -76,6 +76,7 @@ class JerkMpc:
     Attributes:
         step_s: T.
         steps: N.
+        hessian: H of the cost (z - z_free)' H (z - z_free), but for a factor; shape (N, N).
     """
 
     def __init__(
@@ -103,7 +104,8 @@ class JerkMpc:
         inverse = solve_triangular(from_jerk, np.eye(steps), lower=True)
         hessian = inverse.T @ inverse + zmp_weight * np.eye(steps)
         # A scale of the cost changes nothing but the solver's idea of a small number.
-        self._solve = box_solver(solver, hessian / np.abs(hessian).max())
+        self.hessian: Array = hessian / np.abs(hessian).max()
+        self._solve = box_solver(solver, self.hessian)
         self._first_state, self._first_jerk = from_state[0], float(from_jerk[0, 0])
 
     def unbounded(self, state: Array, zmp_m: Array) -> Array:
@@ -142,18 +144,19 @@ class JerkMpc:
         return optimum
 
 
-def box_solver(name: str, hessian: Array) -> BoxSolver:
+def box_solver(name: str, hessian: Array, *, direct: bool = True) -> BoxSolver:
     """Minimises v' H v between bounds, cold from the start each time, so that no solution depends on another.
 
     Args:
-        name: `daqp` is called through its own interface, which keeps the factorised H: through qpsolvers it
-            takes two to three times as long. Others are called through qpsolvers.
+        name: Of a solver of qpsolvers.
         hessian: H; shape (N, N).
+        direct: Call daqp through its own interface, which keeps the factorised H; through qpsolvers, as all
+            others are called, it takes about twice as long (`benchmarks/bench_mpc.py`).
 
     Raises:
         MissingDependencyError: A package is missing.
     """
-    return _daqp(hessian) if name == OWN else _through_qpsolvers(name, hessian)
+    return _daqp(hessian) if name == OWN and direct else _through_qpsolvers(name, hessian)
 
 
 def _daqp(hessian: Array) -> BoxSolver:

@@ -58,7 +58,7 @@ class WieberMpcSpec(FileModel):
         description="Part of the CoM's wanted shift that the ankles make by leaning (eq. 3)."
     )
     lean_per_zmp: RadiansPerMetre = Field(
-        ge=0, description="Lean against each metre by which the ZMP shall be beyond the plan."
+        description="Lean against each metre by which the ZMP shall be beyond the plan; yields if negative."
     )
     limit: Radians = Field(gt=0, description="Largest lean.")
     walk_delay: Seconds = Field(

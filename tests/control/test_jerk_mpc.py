@@ -14,7 +14,6 @@ from scipy.optimize import lsq_linear
 
 from circuitkit.control.jerk_mpc import (
     JerkMpc,
-    _through_qpsolvers,
     box_solver,
     preview_matrices,
     transition,
@@ -179,14 +178,11 @@ def test_a_robot_gets_the_same_bits_in_every_company_and_order():
 def test_every_solver_that_is_installed_finds_the_same():
     """Among them daqp itself, called through qpsolvers instead of through its own interface."""
     qpsolvers = pytest.importorskip("qpsolvers")
-    _, from_jerk = preview_matrices(HEIGHT, STEP, STEPS)
-    inverse = np.linalg.inv(from_jerk)
-    hessian = inverse.T @ inverse + WEIGHT * np.eye(STEPS)
-    hessian /= np.abs(hessian).max()
+    hessian = mpc().hessian
     own = box_solver("daqp", hessian)
     rng = np.random.default_rng(4)
     for name in set(qpsolvers.dense_solvers) - {"osqp", "scs", "ecos"}:  # those solve to millimetres
-        other = _through_qpsolvers(name, hessian)
+        other = box_solver(name, hessian, direct=False)
         for middle in rng.normal(0.0, 0.05, (5, STEPS)):
             low, high = middle - 0.04, middle + 0.04
             np.testing.assert_allclose(other(low, high), own(low, high), atol=1e-6, err_msg=name)

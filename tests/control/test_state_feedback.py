@@ -1,0 +1,69 @@
+"""What the two feedbacks make of what is sensed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from walking import plan_of
+
+from circuitkit.control.sensed_com import CommandAxis
+from circuitkit.control.state_feedback import AngleFeedback, Calibration, ComFeedback
+
+LATERAL = [CommandAxis("lateral")]
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return plan_of(duration=2.5).reference()
+
+
+def test_the_true_com_is_compared_with_the_walk_as_it_is_known_to_be(reference):
+    feedback = ComFeedback(reference, LATERAL, [Calibration(0.03, 0.9)])
+    tick = 180
+    sensed = [
+        0.9 * reference.com_m[tick - 3, 1] + 0.004 - reference.ankles_m[tick, :, 1].mean(),
+        0.9 * reference.com_velocity[tick - 3, 1] - 0.02,
+        reference.feet_apart_m[tick, 1],
+    ]
+    position, velocity = feedback.read(tick, np.array([sensed]))
+    assert position[0, 0] == pytest.approx(0.004)
+    assert velocity[0, 0] == pytest.approx(-0.02)
+
+
+@pytest.fixture(scope="module")
+def lagging(reference):
+    """Ankles of servos that only lag, theta' = (target - theta) / tau, by many steps of Heun's method."""
+    plan = reference.joint_angles(["left_ankle_roll", "right_ankle_roll"])
+    fine, tau = 40, reference.body.lag_s[1]
+    h = reference.step_s / fine / tau
+    angle, angles = plan[0], []
+    for target in plan:
+        angles.append(angle)
+        for _ in range(fine):
+            angle = angle + (h - h**2 / 2) * (target - angle)
+    return np.array(angles)
+
+
+def test_a_servo_that_only_lags_is_no_deviation(reference, lagging):
+    feedback = AngleFeedback(reference, LATERAL)
+    assert feedback.observations == ("left_ankle_roll", "right_ankle_roll")
+    shifts = [feedback.read(tick, row[None])[0][0, 0] for tick, row in enumerate(lagging)]
+    np.testing.assert_allclose(shifts, 0.0, atol=2e-6)
+
+
+def test_an_ankle_that_gives_shifts_the_com_by_eq_3(reference, lagging):
+    feedback = AngleFeedback(reference, LATERAL)
+    step = reference.footsteps[0]  # the left foot carries
+    tick = step.first_tick + 5
+    row = lagging[tick]
+    moved = row + np.array([0.03, 0.2])  # the foot in the air does not matter
+    position, velocity = feedback.read(tick, moved[None])
+    assert position[0, 0] == pytest.approx(
+        reference.com_per_lean_m() * (np.sin(moved[0]) - np.sin(row[0])), abs=1e-6
+    )
+    assert velocity[0, 0] == 0.0
+
+
+def test_the_com_shifts_by_about_what_was_measured_on_the_robot(reference):
+    """0.152 m for each sine of the angle, in a quasi-static trial; the planned walk moves a little more."""
+    assert reference.com_per_lean_m() == pytest.approx(0.152, rel=0.1)
