@@ -1,0 +1,126 @@
+"""A small cut of every study of the figures, from the runs to the picture."""
+
+from __future__ import annotations
+
+import pytest
+from matplotlib.image import imread
+
+from circuitkit.study import load_study
+from circuitkit.study.reproduce import ablation, fig9, fig10, fig11, pushed_walk, robustness
+from circuitkit.study.reproduce.finding import Finding, Verdict
+from circuitkit.study.reproduce.job import Job
+
+STEP_N = 16.0
+COARSE = {
+    "watch": "1 s",
+    "search": {"step": f"{STEP_N:g} N"},
+    "set": {"pushes[0].start.step": 2},
+}
+
+
+def make(figure, folder):
+    """Make a figure coarsely in this process; it is as complete as the report needs it."""
+    name = figure.__name__.rpartition(".")[2]
+    finding = figure.run(Job(name, folder, quick=True, workers=1))
+    finding.save(folder)
+    again, _ = Finding.load(folder)
+    assert again.claims == finding.claims
+    assert finding.title == figure.TITLE
+    assert finding.text
+    assert finding.seeds.startswith("seeds 0 to ")
+    assert finding.claims
+    assert all(claim.claim and claim.paper and claim.ours and claim.how for claim in finding.claims)
+    for picture in finding.pictures:
+        assert picture.caption
+        assert picture.alt
+        pixels = imread(folder / picture.file)
+        assert pixels.shape[1] == 1440  # 7.2 inches with 200 dots each
+        assert pixels.std() > 0.02  # there is something on it
+        assert (folder / picture.file).with_suffix(".pdf").is_file()
+    for table in finding.tables:
+        assert table.rows
+        assert all(len(row) == len(table.headings) for row in table.rows)
+    return finding
+
+
+@pytest.fixture
+def few_seeds(monkeypatch):
+    for figure in (fig9, fig10):
+        monkeypatch.setattr(figure, "QUICK_SEEDS", range(2))
+    monkeypatch.setattr(pushed_walk, "WATCHED_S", 3.0)
+
+
+@pytest.mark.usefixtures("few_seeds")
+def test_fig9_the_push_of_section_5_2_fells_the_open_loop_and_not_the_tuned_circuit(tmp_path):
+    finding = make(fig9, tmp_path)
+    verdicts = [claim.verdict for claim in finding.claims]
+    assert verdicts[0] is Verdict.HOLDS
+    assert verdicts[2] is Verdict.HOLDS
+    assert finding.data["stood"]["open_loop"] == 0
+    assert finding.data["stood"]["binn_tuned"] == finding.data["runs"]["binn_tuned"] == 2
+
+
+@pytest.mark.usefixtures("few_seeds")
+def test_fig10_times_outside_fit_together(tmp_path):
+    finding = make(fig10, tmp_path)
+    for runs in (finding.data["by_cells"], finding.data["by_pressure"]):
+        assert len(runs) == 2
+        for times in runs:
+            if times["first"] is not None:
+                assert 0 < times["first"] <= times["longest"] <= times["total"] + 1e-9
+            if times["until_calm"] is not None:
+                assert times["until_calm"] >= times["first"]
+
+
+def test_fig11_forces_lie_on_the_grid_and_below_what_is_possible(tmp_path, monkeypatch):
+    cut = {
+        "axes": {
+            "contender": ["open_loop", "mpc", "mpc_full", "binn", "binn_tuned"],
+            "pushes[0].duration": ["0.2 s"],
+        },
+        "seeds": {"count": 1},
+        "search": COARSE["search"] | {"check_below": 0},
+    }
+    monkeypatch.setattr(fig11, "_QUICK", COARSE | cut)
+    finding = make(fig11, tmp_path)
+    forces, bounds = finding.data["largest_survived_n"], finding.data["dcm_bound_n"]
+    assert len(forces) == 5 * 2
+    assert {row["contender"] for row in bounds} == {"torso", "centre of mass"}
+    most = {row["direction"]: row["force_n"] for row in bounds if row["contender"] == "centre of mass"}
+    for row in forces:
+        assert row["force_n"] % STEP_N == 0
+        assert row["force_n"] <= most[row["direction"]]
+    torso = {row["direction"]: row["force_n"] for row in bounds if row["contender"] == "torso"}
+    assert all(torso[direction] < most[direction] for direction in most)
+
+
+def test_robustness_compares_both_in_every_condition(tmp_path, monkeypatch):
+    conditions = ["nominal", "mass +10 %"]
+    cut = {"axes": {"condition": conditions, "pushes[0].direction": ["inward"]}, "seeds": {"count": 2}}
+    monkeypatch.setattr(robustness, "_QUICK", COARSE | cut)
+    finding = make(robustness, tmp_path)
+    assert list(finding.data) == conditions
+    for ratio in finding.data.values():
+        assert ratio["mine"] % (STEP_N / 2) == ratio["theirs"] % (STEP_N / 2) == 0  # means of two seeds
+
+
+def test_every_condition_of_the_robustness_study_can_be_run():
+    study = load_study("robustness")
+    cells = [c for c in study.cells if c.labels["pushes[0].direction"] == "inward"]
+    points = {
+        c.labels["condition"]: study.point_of(c, "10 N") for c in cells if "binn" in c.texts["contender"]
+    }
+    keys = {name: point.key for name, point in points.items()}
+    assert len(set(keys.values())) == len(keys)  # no two conditions are the same world
+    assert len(keys) >= 25
+
+
+def test_ablation_sets_lesions_between_the_whole_circuit_and_none(tmp_path, monkeypatch):
+    monkeypatch.setattr(ablation, "neurons_of", lambda _: ("q3", "p1"))
+    monkeypatch.setattr(ablation, "connections_of", lambda _: ("q3 -> p1", "p1 -> ankle_roll"))
+    cut = {"axes": {"pushes[0].start.step": [2], "pushes[0].direction": ["inward"]}, "seeds": {"count": 1}}
+    monkeypatch.setattr(ablation, "_QUICK", {**COARSE, **cut, "set": {}})
+    finding = make(ablation, tmp_path)
+    assert list(finding.data) == ["nothing", "everything", "q3", "p1", "q3 -> p1", "p1 -> ankle_roll"]
+    assert finding.data["nothing"]["value"] == 1.0
+    assert finding.data["p1"]["mine"] == finding.data["p1 -> ankle_roll"]["mine"]  # the same lesion twice
