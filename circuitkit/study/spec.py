@@ -181,7 +181,6 @@ class StudyFile(FileModel):
     )
     seeds: Seeds = Field(description="Of noise and jitter.")
     search: Search | None = Field(default=None, description="The boundary that is looked for in each cell.")
-    tune: dict[str, Any] | None = Field(default=None, description="See circuitkit tune.")
 
 
 @dataclass(frozen=True)
@@ -332,7 +331,11 @@ def load_study(name_or_path: str | Path) -> Study:
     Raises:
         InputError: It cannot be read; says where and why.
     """
-    study = _study(read_yaml(find_data_file(name_or_path, FOLDER)))
+    document = read_yaml(find_data_file(name_or_path, FOLDER))
+    if isinstance(document.data, dict) and "tune" in document.data:
+        message = "found a study that tunes; allowed: one that sweeps"
+        raise InputError(document.problem(("tune",), message, "circuitkit tune runs it", at_key=True))
+    study = _study(document)
     study._maker.check()
     return study
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _FORMAT = 1
 _RMS = "rms_"
 _REAL = ("time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s")
-_UNSEEN = ("description", "tune")  # keys of a study that determine no run
+_UNSEEN = ("description",)  # keys of a study that determine no run
 _SHOWN_DIFFERENCES = 6
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from circuitkit.errors import InputError
 from circuitkit.simulate import load_scenario
-from circuitkit.source import shipped_names
+from circuitkit.source import find_data_file, read_yaml, shipped_names
 from circuitkit.study import Study, load_study, make_study
 from circuitkit.study.spec import FOLDER
 
@@ -36,7 +36,12 @@ def complaints(path) -> list[str]:
 HEAD = ("study: mine", "scenario: nao_push", "seeds: {count: 2}")
 
 
-@pytest.mark.parametrize("name", shipped_names(FOLDER))
+def sweeps(name: str) -> bool:
+    """Whether a shipped study is none that tunes."""
+    return "tune" not in read_yaml(find_data_file(name, FOLDER)).data
+
+
+@pytest.mark.parametrize("name", filter(sweeps, shipped_names(FOLDER)))
 def test_every_shipped_study_fits(name):
     found = load_study(name)
     assert found.name == name
@@ -225,6 +230,10 @@ def test_every_wrong_field_is_told_where_the_study_has_it(tmp_path):
         (["set: {pushes.force: 3 N}"], "4:7: pushes.force: pushes is a list; allowed: an item of it"),
         (["set: {duration.at: 3 N}"], "4:7: duration.at: duration has no fields"),
         (["watch: 5 m"], "4:8: watch: found '5 m', which is length"),
+        (
+            ["tune: {trials: 3}"],
+            "4:1: tune: found a study that tunes; allowed: one that sweeps; circuitkit tune",
+        ),
     ],
 )
 def test_what_is_wrong_is_told_with_its_place(tmp_path, lines, expected):
@@ -240,14 +249,8 @@ def test_an_unknown_scenario_is_told_where_the_study_names_it(tmp_path):
 
 
 def test_files_beside_the_study_are_found_from_anywhere(tmp_path, monkeypatch):
-    gait = load_gait_text().replace("gait: gait_march", "gait: mine")
+    gait = find_data_file("gait_march", "sims").read_text().replace("gait: gait_march", "gait: mine")
     (tmp_path / "my_gait.yaml").write_text(gait)
     path = written(tmp_path, *HEAD, "set: {gait: my_gait.yaml}")
     monkeypatch.chdir("/")
     assert load_study(path).point().gait.gait == "mine"
-
-
-def load_gait_text() -> str:
-    from circuitkit.source import find_data_file
-
-    return find_data_file("gait_march", "sims").read_text()
