@@ -14,10 +14,12 @@ from circuitkit.errors import InputError, Problem, UnknownNameError, suggest
 from circuitkit.gait import LEFT, PHASES, Walk
 from circuitkit.gait.schedule import plan_steps
 from circuitkit.robots import RobotModel, body_number
-from circuitkit.simulate.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push
+from circuitkit.simulate.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push, SensorNoise
 from circuitkit.units import parse_quantity
 
 Array = NDArray[np.float64]
+
+_COM_STREAM = 1  # a stream of its own beside the seed's, so that one noise does not change another
 
 
 @dataclass(frozen=True)
@@ -59,16 +61,19 @@ class Fates:
         windows_s: Start and end of each robot's first push; shape (B, 2); not a number without a push.
         base_velocity: At the start, forward and left; shape (B, 2), [m/s].
         cell_noise: Added to the force cells; shape (T, B, 8), [N]; None without noise.
+        com_noise: Added to the centre of mass and to its velocity; shape (T, B, 6), [m] and [m/s]; None
+            without noise.
     """
 
     pushes: tuple[BodyPush, ...]
     windows_s: Array
     base_velocity: Array
     cell_noise: Array | None
+    com_noise: Array | None = None
 
 
 def draw_fates(
-    trials: Sequence[Trial], walk: Walk, robot: RobotModel, jitter: Jitter, noise_n: float
+    trials: Sequence[Trial], walk: Walk, robot: RobotModel, jitter: Jitter, noise: SensorNoise
 ) -> Fates:
     """Draw everything random, each robot from its own seed, so that a batch draws what a single robot does.
 
@@ -79,14 +84,19 @@ def draw_fates(
     cells = len(robot.layout.cells)
     windows = np.full((len(trials), 2), np.nan)
     velocity = np.zeros((len(trials), 2))
-    noise = np.zeros((walk.ticks, len(trials), cells)) if noise_n > 0 else None
+    cell_noise = np.zeros((walk.ticks, len(trials), cells)) if noise.force_cells > 0 else None
+    com_noise = np.zeros((walk.ticks, len(trials), 6)) if noise.com > 0 or noise.com_velocity > 0 else None
     by_body: dict[int, list[_Acting]] = {}
     for i, trial in enumerate(trials):
         rng = np.random.default_rng(trial.seed)
         shift = rng.uniform(-jitter.push_start, jitter.push_start)
         velocity[i] = rng.normal(0.0, jitter.base_velocity, 2)
-        if noise is not None:
-            noise[:, i] = rng.normal(0.0, noise_n, (walk.ticks, cells))
+        if cell_noise is not None:
+            cell_noise[:, i] = rng.normal(0.0, noise.force_cells, (walk.ticks, cells))
+        if com_noise is not None:
+            own = np.random.default_rng((trial.seed, _COM_STREAM))
+            deviation = np.repeat([noise.com, noise.com_velocity], 3)
+            com_noise[:, i] = own.normal(0.0, 1.0, (walk.ticks, 6)) * deviation
         for number, push in enumerate(trial.pushes):
             start_s, support = push_start(push, walk, number)
             start = max(start_s + shift, 0.0)
@@ -97,7 +107,7 @@ def draw_fates(
             if number == 0:
                 windows[i] = start, end
     pushes = tuple(_body_push(body, entries, len(trials), dt) for body, entries in by_body.items())
-    return Fates(pushes, windows, velocity, noise)
+    return Fates(pushes, windows, velocity, cell_noise, com_noise)
 
 
 def _body(push: Push, robot: RobotModel, number: int) -> int:

@@ -238,6 +238,8 @@ class _Senses:
         silence = np.zeros_like(self._true_cells)
         noise = setup.fates.cell_noise
         self._noise = np.broadcast_to(silence, (setup.walk.ticks, *silence.shape)) if noise is None else noise
+        self._com_noise = setup.fates.com_noise
+        self._seen_com = self._seen[:, setup.robot.layout.com.start : setup.robot.layout.com_velocity.stop]
         self._factors = setup.cell_factors
         self._missing = {tick for tick, row in self._factors.items() if np.isnan(row).any()}
         self._low, self._high = (np.full_like(silence, end) for end in setup.robot.spec.force_cells.range)
@@ -251,6 +253,8 @@ class _Senses:
         np.maximum(cells, self._low, out=cells)
         np.minimum(cells, self._high, out=cells)
         self._seen_others[...] = self._true_others
+        if self._com_noise is not None:
+            self._seen_com += self._com_noise[tick]
         if tick in self._factors:
             cells *= self._factors[tick]
         if tick in self._missing:

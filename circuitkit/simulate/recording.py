@@ -13,7 +13,7 @@ from scipy.io import netcdf_file
 from circuitkit.circuit import CircuitGraph
 from circuitkit.files import replacing, write_text
 from circuitkit.gait import PHASES, SIDES, Walk
-from circuitkit.gait.lipm import zmp_from_com
+from circuitkit.gait.lipm import GRAVITY_M_S2, zmp_from_com
 from circuitkit.robots import RobotModel, command_units, robot_channels
 from circuitkit.robots.sensing import Observer, centre_of_pressure, total_centre_of_pressure
 from circuitkit.simulate.disturbance import Fates, Trial
@@ -115,13 +115,18 @@ class Recording:
 
     @cached_property
     def zmp_by_com_m(self) -> Array:
-        """ZMP by eq. 2 from the centre of mass, from the middle between the feet; shape (T, B, 2)."""
+        """ZMP by eq. 2 from the centre of mass, from the middle between the feet; shape (T, B, 2).
+
+        On a slope gravity accelerates along the floor as well, and presses on it with less.
+        """
         velocity = self.com_velocity[..., :2]
         if self.ticks == 1:  # no difference can be taken
             acceleration = np.zeros_like(velocity)
         else:
             acceleration = np.gradient(velocity, self.walk.gait.control_step, axis=0)
-        return zmp_from_com(self.com_m[..., :2], acceleration, self.com_m[..., 2:])
+        gravity = self.robot.model.opt.gravity
+        felt = (acceleration - gravity[:2]) * (GRAVITY_M_S2 / -gravity[2])
+        return zmp_from_com(self.com_m[..., :2], felt, self.com_m[..., 2:])
 
     def columns(self, robot: int = 0) -> dict[str, Array]:
         """Everything of one robot as columns by name; each of shape (T,), SI units."""

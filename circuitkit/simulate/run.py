@@ -112,9 +112,7 @@ class Plan:
         scenario = self.scenario
         adds = self.controller(controller)
         with scenario.located("pushes"):
-            fates = draw_fates(
-                trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise.force_cells
-            )
+            fates = draw_fates(trials, self.walk, self.robot, scenario.jitter, scenario.sensor_noise)
             factors = fault_values(scenario.faults, self.walk, self.robot)
         with scenario.located("sensor_delay"):
             delay = delay_ticks(scenario.sensor_delay, self.walk)

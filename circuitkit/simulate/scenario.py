@@ -90,9 +90,11 @@ class Fault(FileModel):
 
 
 class SensorNoise(FileModel):
-    """Standard deviations of white noise."""
+    """Standard deviations of white noise in what the controller reads."""
 
     force_cells: Newtons = Field(default=0.0, ge=0)
+    com: Metres = Field(default=0.0, ge=0, description="Of each coordinate of the centre of mass.")
+    com_velocity: MetresPerSecond = Field(default=0.0, ge=0, description="Of each part of its velocity.")
 
 
 class Jitter(FileModel):

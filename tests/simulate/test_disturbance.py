@@ -19,7 +19,7 @@ from circuitkit.simulate.disturbance import (
     fault_values,
     push_start,
 )
-from circuitkit.simulate.scenario import Fault, Jitter
+from circuitkit.simulate.scenario import Fault, Jitter, SensorNoise
 
 LEGS = nao().spec.legs.geometry()
 WALK = plan_walk(load_gait("gait_march"), LEGS, 400)[0]  # 1 s of standing, then five steps and a half
@@ -27,8 +27,8 @@ CALM = Jitter()
 JITTER = Jitter.model_validate({"push_start": "20 ms", "base_velocity": "1 cm/s"})
 
 
-def fates(*trials, jitter=CALM, noise_n=0.0, walk=WALK):
-    return draw_fates(trials, walk, nao(), jitter, noise_n)
+def fates(*trials, jitter=CALM, noise_n=0.0, walk=WALK, **others):
+    return draw_fates(trials, walk, nao(), jitter, SensorNoise(force_cells=f"{noise_n} N", **others))
 
 
 def pushed(*pushes, seed=0, jitter=CALM):
@@ -238,9 +238,27 @@ def test_noise_is_white_and_as_large_as_it_says():
     assert np.abs(robots - np.eye(20)).max() < 0.25
 
 
+def test_noise_of_the_com_is_white_in_place_and_speed_and_changes_nothing_else():
+    trials = [Trial(seed, ()) for seed in range(20)]
+    found = fates(*trials, jitter=JITTER, noise_n=0.2, com="1 mm", com_velocity="1 cm/s")
+    plain = fates(*trials, jitter=JITTER, noise_n=0.2)
+    np.testing.assert_allclose(found.com_noise.std(axis=(0, 1)), [1e-3] * 3 + [1e-2] * 3, rtol=0.03)
+    flat = found.com_noise.reshape(-1, 6)
+    others = found.cell_noise.reshape(len(flat), 8)
+    assert np.abs(np.corrcoef(np.hstack([flat, others]).T) - np.eye(14)).max() < 0.05
+    np.testing.assert_array_equal(found.cell_noise, plain.cell_noise)
+    np.testing.assert_array_equal(found.base_velocity, plain.base_velocity)
+    slow = fates(*trials, com="1 mm").com_noise
+    np.testing.assert_array_equal(slow[..., :3], found.com_noise[..., :3])
+    assert not slow[..., 3:].any()
+    (alone,) = fates(Trial(7, ()), com="1 mm").com_noise.transpose(1, 0, 2)
+    np.testing.assert_array_equal(alone, slow[:, 7])
+
+
 def test_without_noise_nothing_is_drawn():
     found = fates(Trial(3, ()))
     assert found.cell_noise is None
+    assert found.com_noise is None
     np.testing.assert_array_equal(found.base_velocity, 0.0)
 
 

@@ -135,6 +135,26 @@ def test_the_controller_reads_noise_and_the_robot_does_not():
     assert difference[..., zmp].std() == pytest.approx(0.2 * np.sqrt(8) * 0.055 / 51, rel=0.3)
 
 
+def test_noise_of_the_com_is_read_in_the_channels_of_the_com_alone():
+    text = EDGES.replace(
+        "neurons:",
+        "  com_y: {unit: m, range: [-1 m, 1 m]}\n  com_velocity_y: {unit: m/s, range: [-1 m/s, 1 m/s]}\n"
+        "neurons:\n"
+        "  c: {model: sigmoid, role: excitatory, slope: 1 /m, shift: 0 m}\n"
+        "  v: {model: sigmoid, role: excitatory, slope: 1 s/m, shift: 0 m/s}",
+    ).replace(
+        "synapses:",
+        "synapses:\n  - {from: com_y, to: c, weight: 1}\n  - {from: com_velocity_y, to: v, weight: 1}",
+    )
+    text = text.replace("readout: {out: 1 deg}", "readout: {out: 1 deg, c: 0.1 deg, v: 0.1 deg}")
+    noise = SensorNoise.model_validate({"com": "2 mm", "com_velocity": "3 cm/s"})
+    noisy = plan_of(duration=1.0, sensor_noise=noise)
+    recording = walk_alone(replace(noisy, circuit=resolve(parse_circuit(text, "edges.yaml"))))
+    for i, (name, deviation) in enumerate((("zmp_y", 0.0), ("com_y", 0.002), ("com_velocity_y", 0.03))):
+        read, true = recording.observations[1:, :, i], recording.channel(name)[:-1]
+        assert (read - true).std() == pytest.approx(deviation, rel=0.25)
+
+
 def test_cells_read_no_less_and_no_more_than_their_range():
     """With 300 N of noise none reads less than 0, so the ZMP stays in their hull.
 

@@ -13,6 +13,7 @@ from simulate.made_up import WEIGHT_N, recording
 from walking import a_push, fault, nao, plan_of
 
 from circuitkit.files import OutputError
+from circuitkit.robots import Plant, build_model, load_robot
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop
 from circuitkit.units import parse_unit
@@ -75,6 +76,13 @@ def test_eq_2_on_a_falling_pendulum_gives_its_foot():
     np.testing.assert_allclose(zmp[:, 0], 0.0, atol=1e-12)
     sway = readings[1:-1, 0, layout.com.start + 1] - 0.03
     np.testing.assert_allclose(zmp[:, 1], 0.03, atol=1e-3 * sway.max())
+
+
+def test_eq_2_on_a_slope_is_plumb_below_a_centre_of_mass_at_rest():
+    """The floor rises to the left, so that is to the right: by z tan(slope)."""
+    model = build_model(load_robot("nao"), Plant.model_validate({"slope": {"left": "3 deg"}}))
+    zmp = replace(recording(), robot=model).zmp_by_com_m[5, 0]
+    np.testing.assert_allclose(zmp, [0.0, -0.27 * np.tan(np.radians(3))], atol=1e-12)
 
 
 def test_a_push_is_recorded_where_it_acts():
