@@ -193,7 +193,8 @@ def _ticks(
         setup: What runs.
         robot: The robots.
         record: Takes what is recorded.
-        to_the_fall: What comes after a fall does not count: time stands still for who has fallen.
+        to_the_fall: What comes after a fall does not count: time stands still for who has fallen, and the
+            controller misses their readings, so that it need not work for them.
     """
     sense = _sense(setup, robot)
     control, advance = setup.controller.step, robot.advance
@@ -202,10 +203,13 @@ def _ticks(
     reads = bool(setup.controller.observations)
     last = setup.walk.ticks - 1
     pushes = setup.fates.pushes
+    still: NDArray[np.bool_] | None = None
     for tick in range(setup.walk.ticks):
         observation = record.observations[tick]
         if reads:
             sense(tick, observation)
+            if still is not None:
+                observation[still] = np.nan
         record.commands[tick] = commands = control(observation, record.trace[tick])
         for push in pushes:
             row = tick - push.first_tick
@@ -220,6 +224,7 @@ def _ticks(
             record.fallen_tick[newly] = tick
             down = record.fallen_tick >= 0
             if to_the_fall and newly.any():
+                still = down
                 robot.stop(down)
             if down.all():
                 last = min(last, int(record.fallen_tick.max()) + (0 if to_the_fall else _AFTER_FALL))
