@@ -15,6 +15,7 @@ from circuitkit.cli import (
     draw,
     format,
     init,
+    reproduce,
     run,
     schema,
     show,
@@ -49,6 +50,7 @@ for _module in (
     compare,
     sweep,
     tune,
+    reproduce,
     design,
     bench,
 ):

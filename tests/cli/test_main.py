@@ -26,6 +26,9 @@ COMMANDS = (
     "schema",
     "simulate",
     "compare",
+    "sweep",
+    "tune",
+    "reproduce",
     "design",
     "bench",
 )

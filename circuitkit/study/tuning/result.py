@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,20 +15,20 @@ from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.authoring.flat import flat_document
 from circuitkit.circuit.authoring.formatting import format_text
 from circuitkit.circuit.load import FOLDER
+from circuitkit.circuit.spec import CircuitSpec
 from circuitkit.control.spec import FOLDER as CONTROLLERS
-from circuitkit.errors import CircuitkitError
+from circuitkit.errors import CircuitkitError, InputError
 from circuitkit.files import write_text
 from circuitkit.source import dump_yaml, find_data_file
-from circuitkit.source.commented import Collection, Entry, Scalar, read_commented
-from circuitkit.source.rewriting import write_commented
 from circuitkit.study.tuning.cases import in_words
 from circuitkit.study.tuning.objective import Score, Term
+from circuitkit.study.tuning.rewriting import ElsewhereError, changed_circuit, changed_file, commented
 from circuitkit.study.tuning.search import Found, Told
 from circuitkit.study.tuning.spec import TuneSpec, Tuning
 
 _WIDTH = 110
 _SCHEMA = "circuit.schema.json"
-_FOLDERS = {"controller": CONTROLLERS, "gait": "sims"}
+FOLDERS = {"controller": CONTROLLERS, "gait": "sims"}
 
 
 class ResultError(CircuitkitError):
@@ -48,76 +48,75 @@ def write_result(tuning: Tuning, values: Mapping[str, str], comment: Sequence[st
         ResultError: The text does not mean what was measured.
         OutputError: It cannot be written.
     """
-    if tuning.spec.target == "circuit":
+    target = tuning.spec.target
+    if target == "circuit":
         text = _circuit_text(tuning, values, comment, path)
     else:
-        text = _changed_text(tuning, values, comment)
+        base = find_data_file(tuning.base, FOLDERS[target]).read_text(encoding="utf-8")
+        text = changed_file(base, {target: tuning.spec.result, **values}, comment)
     write_text(path, text)
     return path
 
 
 def _circuit_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[str], path: Path) -> str:
-    """A circuit that includes the base and sets parameters, if that can say it.
+    """The shortest text that means the circuit that was measured.
 
-    Where values are tuned that an including file cannot set (of neurons, or inside instances), the circuit is
-    written out without includes.
+    A file that includes the base and sets parameters; where values are tuned that an including file cannot
+    set (of neurons, of instances), a copy of the base with these values; where they stand in files that the
+    base includes, the circuit written out.
+
+    Raises:
+        ResultError: None of them means what was measured.
     """
     base = find_data_file(tuning.base, FOLDER)
     spec = load_circuit(base)
     graph = resolve(spec, values)
+    words = f"{spec.description or spec.circuit}, tuned by {tuning.file.study}"
+    named = {"circuit": tuning.spec.result, "description": words}
+    folders = (base.parent, path.parent)
+    ways: Sequence[Callable[[], str]] = (
+        lambda: _including(spec, base, named, values, comment, path.parent),
+        lambda: changed_circuit(base.read_text(encoding="utf-8"), {**named, **values}, comment, folders),
+        lambda: "\n".join([*commented(comment), dump_yaml({**flat_document(graph), **named})]),
+    )
+    for text in ways:
+        try:
+            formatted = format_text(text(), str(path))
+            written = resolve(parse_circuit(formatted, str(path)))
+        except (ElsewhereError, InputError):
+            continue
+        alike = replace(written, name=graph.name, description=graph.description, parameters=graph.parameters)
+        if not compare_circuits(graph, alike):
+            return formatted
+    message = f"nothing that could be written to '{path}' means the circuit that was measured; please report"
+    raise ResultError(message)
+
+
+def _including(
+    spec: CircuitSpec,
+    base: Path,
+    named: Mapping[str, str],
+    values: Mapping[str, str],
+    comment: Sequence[str],
+    folder: Path,
+) -> str:
+    """A file that includes the base and sets parameters.
+
+    Raises:
+        ElsewhereError: What is tuned is no parameter of these files.
+    """
     own = {name for part in (spec.module.parts if spec.module else ()) for name in part.spec.parameters}
-    head = [f"# yaml-language-server: $schema={_SCHEMA}", "#"] if (path.parent / _SCHEMA).is_file() else []
-    name, words = tuning.spec.result, f"{spec.description or spec.circuit}, tuned by {tuning.file.study}"
-    if set(values) <= own:
-        data: dict[str, Any] = {
-            "circuit": name,
-            "description": words,
-            "control_step": spec.control_step,
-            "timing": spec.timing,
-            "include": [os.path.relpath(base.resolve(), path.parent.resolve())],
-            "parameters": dict(values),
-        }
-    else:
-        data = {**flat_document(graph), "circuit": name, "description": words}
-    text = format_text("\n".join([*head, *_commented(comment), dump_yaml(data)]), str(path))
-    written = resolve(parse_circuit(text, str(path)))
-    same_words = replace(written, name=graph.name, description=graph.description, parameters=graph.parameters)
-    if changes := compare_circuits(graph, same_words):
-        message = f"'{path}' would differ from what was measured: {changes[0]}; please report"
-        raise ResultError(message)
-    return text
-
-
-def _changed_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[str]) -> str:
-    """The text of the base, with its comments, its name and these values changed."""
-    target = tuning.spec.target
-    base = find_data_file(tuning.base, _FOLDERS[target])
-    text = base.read_text(encoding="utf-8")
-    tree = read_commented(text)
-    for path, value in {target: tuning.spec.result, **values}.items():
-        _put(tree.top, path.split("."), value)
-    changed = write_commented(tree, _WIDTH)
-    head = "".join(f"{line}\n" for line in _commented(comment))
-    return f"{head}#\n{changed}" if changed.startswith("#") else f"{head}{changed}"
-
-
-def _put(mapping: Collection, path: Sequence[str], value: str) -> None:
-    """Change or add a value of a mapping, or of one in it."""
-    scalar = Scalar((dump_yaml(value).splitlines()[0],), value)
-    name, *inner = path
-    entry = next((each for each in mapping.entries if each.name == name), None)
-    if entry is None:
-        content = Collection(is_mapping=True, flow=True) if inner else scalar
-        entry = Entry(name, name, content, (0, 0), (0, 0), mapping)
-        mapping.entries.append(entry)
-    if not inner:
-        entry.value = scalar
-    elif isinstance(entry.value, Collection):
-        _put(entry.value, inner, value)
-
-
-def _commented(lines: Sequence[str]) -> list[str]:
-    return [f"# {line}".rstrip() for line in lines]
+    if not set(values) <= own:
+        raise ElsewhereError(*(set(values) - own))
+    head = [f"# yaml-language-server: $schema={_SCHEMA}", "#"] if (folder / _SCHEMA).is_file() else []
+    data: dict[str, Any] = {
+        **named,
+        "control_step": spec.control_step,
+        "timing": spec.timing,
+        "include": [os.path.relpath(base.resolve(), folder.resolve())],
+        "parameters": dict(values),
+    }
+    return "\n".join([*head, *commented(comment), dump_yaml(data)])
 
 
 def provenance(

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from circuitkit.circuit import CircuitGraph, load_circuit, resolve
+from circuitkit.circuit import load_circuit, resolve
 from circuitkit.errors import CircuitkitError, InputError, Problem, UnitError
 from circuitkit.files import OutputError
-from circuitkit.source import Place
+from circuitkit.source import Data, Place, find_data_file, read_yaml
 from circuitkit.study.driver import run_points
 from circuitkit.study.jobs import Outcome
 from circuitkit.study.points import fingerprint
@@ -19,11 +20,12 @@ from circuitkit.study.pool import Pool, open_pool
 from circuitkit.study.tuning.cases import Runs
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.objective import Row, Score, score
-from circuitkit.study.tuning.result import provenance, write_result
+from circuitkit.study.tuning.result import FOLDERS, provenance, write_result
 from circuitkit.study.tuning.search import Candidate, Found, Search, Told, run_search, silence_optuna
-from circuitkit.study.tuning.space import Searched
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
 from circuitkit.units import format_quantity
+
+_ALL_DIGITS = 17
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ def tune(
     Args:
         study: A study with a section `tune`, its path, or the name of a shipped one.
         folder: Where the results go: `trials.db`, `trials.csv`, `history.png` and `.pdf`, and the tuned file.
-        trials: How many candidates, instead of the file's number.
+        trials: How many candidates, instead of the file's number; the last generation is always measured as a
+            whole.
         workers: How many processes; all processors by default.
         scheduler: Address of a Dask scheduler, instead of processes here.
         storage: URL of a database of Optuna, instead of `trials.db`.
@@ -130,7 +133,7 @@ def tune(
     check(tuning, parts[TRAIN])
     silence_optuna(verbose=verbose)
     search = _search(tuning, parts[TRAIN])
-    total = trials or tuning.spec.trials
+    total = search.rounded(trials or tuning.spec.trials)
     with open_pool(workers, scheduler) as pool:
         clock = _Clock(total, progress)
         measure = Measure(tuning, parts[TRAIN], pool, clock.runs)
@@ -202,30 +205,41 @@ def _search(tuning: Tuning, runs: Sequence[Runs]) -> Search:
 
 def start_of(tuning: Tuning) -> dict[str, Any]:
     """The first candidate: what the file gives, else what the base has, else the middle of the range."""
-    graph = resolve(load_circuit(tuning.base)) if tuning.spec.target == "circuit" else None
+    own = _own_values(tuning)
     start = {}
     for name, searched in tuning.spec.parameters.items():
-        own = None if graph is None else _own_value(graph, name, searched)
-        start[name] = tuning.start.get(name, searched.middle() if own is None else own)
+        start[name] = tuning.start.get(name, searched.middle())
+        if name not in tuning.start and name in own:
+            with suppress(UnitError):  # outside of the range
+                start[name] = searched.number(own[name])
     return start
 
 
-def _own_value(graph: CircuitGraph, name: str, searched: Searched) -> Any:  # noqa: ANN401 - as Optuna holds it
-    """The value that a circuit has by itself; None if it is not known, or outside of what is searched."""
-    if searched.choices is not None:
-        return graph.timing if name == "timing" and graph.timing in searched.choices else None
-    if (quantity := graph.parameters.get(name)) is not None:
-        value = quantity.value_si
-    else:
+def _own_values(tuning: Tuning) -> dict[str, str]:
+    """What the base has for what is searched, as far as it is known, by name."""
+    if tuning.spec.target != "circuit":
+        data = read_yaml(find_data_file(tuning.base, FOLDERS[tuning.spec.target])).data
+        flat = dict(_flattened(data, ""))
+        return {name: flat[name] for name in tuning.spec.parameters if name in flat}
+    graph = resolve(load_circuit(tuning.base))
+    own: dict[str, str] = {"timing": graph.timing}
+    for name, searched in tuning.spec.parameters.items():
         node, _, key = name.rpartition(".")
         parameters = next((each.parameters for each in graph.neurons if each.name == node), {})
-        if key not in parameters:
-            return None
-        value = float(parameters[key])
-    try:
-        return searched.number(format_quantity(value, searched.unit, 17))
-    except UnitError:
-        return None
+        if name in graph.parameters:
+            own[name] = format_quantity(graph.parameters[name].value_si, searched.unit, _ALL_DIGITS)
+        elif key in parameters:
+            own[name] = format_quantity(float(parameters[key]), searched.unit, _ALL_DIGITS)
+    return own
+
+
+def _flattened(data: Data, name: str) -> Iterator[tuple[str, str]]:
+    """The values of mappings in mappings by their path."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _flattened(value, f"{name}.{key}" if name else key)
+    elif not isinstance(data, list):
+        yield name, str(data)
 
 
 @dataclass

@@ -10,11 +10,14 @@ from __future__ import annotations
 import importlib
 import json
 import math
+import signal
 import sqlite3
+import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import partial
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -33,8 +36,10 @@ except ImportError as missing:  # an extra
 Candidate = Mapping[str, str]
 Evaluate = Callable[[Sequence[Candidate]], Sequence[Score | CircuitkitError]]
 
+T = TypeVar("T")
+
 _DEFINITION = "circuitkit:definition"
-_SETTINGS, _FIGURES, _ERROR, _RUNS = "settings", "figures", "error", "runs"
+_KNOWN = "circuitkit:measured"
 _TPE_GENERATION = 10
 _FIXED = "fixed_params"  # how Optuna marks a trial that was put into its queue
 
@@ -72,6 +77,11 @@ class Search:
             return self.generation
         dimensions = len(self.parameters)
         return 4 + math.floor(3 * math.log(dimensions)) if self.sampler == "cmaes" else _TPE_GENERATION
+
+    def rounded(self, trials: int) -> int:
+        """So many candidates, and then to the end of the generation; the start goes with the first one."""
+        first = 1 if self.start else 0
+        return first + max(1, math.ceil((trials - first) / self.size)) * self.size
 
 
 @dataclass(frozen=True)
@@ -145,17 +155,18 @@ def run_search(
     resume: bool = False,
     before: Callable[[Found, int], object] | None = None,
 ) -> Found:
-    """Search until so many candidates have been proposed, those of earlier runs included.
+    """Search until so many candidates have been measured, those of earlier runs included.
 
-    Ctrl-C ends it early; what has been told is kept.
+    A generation is always measured as a whole. Ctrl-C ends it early; what has been told is kept.
 
     Args:
         search: What is searched.
         storage: URL of a database, such as `sqlite:///out/trials.db`.
-        trials: How many candidates.
+        trials: After how many candidates no generation is begun; see `Search.rounded`.
         evaluate: Measures candidates together.
         resume: Go on with what the storage has, instead of refusing it.
-        before: Is told what has been found before each generation, and how many candidates that has.
+        before: Is told what has been found before each generation, and how many candidates that has; 0 at the
+            end.
 
     Raises:
         InputError: The storage has a study of this name already, or one with another definition; or it cannot
@@ -166,18 +177,19 @@ def run_search(
     proposer = _Proposer(search, study)
     found = _found(search, study)
     try:
-        while generation := proposer.propose(trials):
+        while generation := _whole(partial(proposer.propose, trials)):
             if before is not None:
                 before(found, len(generation))
             scores = evaluate([texts(search.parameters, trial.params) for trial in generation])
-            for trial, score in zip(generation, scores, strict=True):
-                _tell(search, study, trial, score)
+            _whole(partial(_tell_all, search, study, generation, scores))
             found = _found(search, study)
             failures = [score for score in scores if isinstance(score, CircuitkitError)]
             if len(failures) == len(generation):
                 raise failures[0]
     except KeyboardInterrupt:
         return Found(_found(search, study).told, search.maximise, interrupted=True)
+    if before is not None:
+        before(found, 0)
     return found
 
 
@@ -187,13 +199,14 @@ def _open(search: Search, storage: str, *, resume: bool) -> optuna.Study:
 
     direction: Literal["maximize", "minimize"] = "maximize" if search.maximise else "minimize"
     try:
-        names = optuna.get_all_study_names(storage)
+        database = _database(storage)
+        names = optuna.get_all_study_names(database)
         if search.name in names and not resume:
             message = f"found a study '{search.name}' in {storage} already"
             hint = "go on with it by --resume, or choose another folder or storage"
             raise InputError(Problem("", 0, 0, "--storage", message, hint))
         study = optuna.create_study(
-            storage=_database(storage), study_name=search.name, direction=direction, load_if_exists=resume
+            storage=database, study_name=search.name, direction=direction, load_if_exists=resume
         )
     except (ImportError, SQLAlchemyError, ValueError) as error:  # no driver, no database, no URL
         message = (
@@ -231,10 +244,8 @@ class _Cmaes(optuna.samplers.CmaEsSampler):
 
     def __init__(self, search: Search, space: Mapping[str, Any], seed: int) -> None:
         start = dict(search.start) or None
-        with (
-            warnings.catch_warnings()
-        ):  # x0 and sigma0 go away with Optuna 6, margins are called experimental
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # x0 and sigma0 go away with Optuna 6, margins are experimental
             super().__init__(
                 x0=start,
                 sigma0=search.spread,
@@ -269,30 +280,33 @@ class _Proposer:
         """The candidates of the next generation: those that nobody has measured yet, and new ones.
 
         Args:
-            trials: How many candidates there may be in all.
+            trials: After how many measured candidates no generation is begun.
         """
         study = self._study
-        every = study.get_trials(deepcopy=False)
-        proposed = [each for each in every if each.state in {TrialState.COMPLETE, TrialState.RUNNING}]
-        waiting = [each for each in proposed if each.state == TrialState.RUNNING]
-        for broken in [each for each in waiting if set(each.params) != set(self._space)]:
-            study.tell(broken.number, state=TrialState.FAIL)  # the end came while it was being proposed
-            waiting.remove(broken)
-            proposed.remove(broken)
-        left = trials - sum(each.state != TrialState.WAITING for each in every)
-        measured = len(proposed) - len(waiting)
-        for _ in range(min(self._end_of_generation(measured) - len(proposed), left)):
-            number = len(study.get_trials(deepcopy=False, states=_NUMBERED))
-            study.sampler = self._sampler(number)
+        running, finished, complete = [], 0, 0
+        for trial in study.get_trials(deepcopy=False):
+            if trial.state == TrialState.RUNNING and set(trial.params) != set(self._space):
+                study.tell(trial.number, state=TrialState.FAIL)  # the end came while it was being proposed
+                finished += 1
+            elif trial.state == TrialState.RUNNING:
+                running.append(trial)
+            elif trial.state != TrialState.WAITING:
+                finished += 1
+                complete += trial.state == TrialState.COMPLETE
+        new = self._end_of_generation(complete) - complete - len(running) if finished < trials else 0
+        if new <= 0:
+            return running
+        number = finished + len(running)
+        for each in range(number, number + new):
+            study.sampler = self._sampler(each)
             study.ask(self._space)
-        running = study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
-        return sorted(running, key=lambda each: each.number)
+        return study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
 
-    def _end_of_generation(self, measured: int) -> int:
-        """How many candidates there are once this generation is whole; the start goes with the first."""
+    def _end_of_generation(self, complete: int) -> int:
+        """How many candidates are complete once this generation is; the start goes with the first one."""
         first = 1 if self._search.start else 0
-        whole = max(measured - first, 0) // self._search.size
-        return first + (whole + 1) * self._search.size
+        generations = max(complete - first, 0) // self._search.size
+        return first + (generations + 1) * self._search.size
 
     def _sampler(self, number: int) -> optuna.samplers.BaseSampler:
         """The sampler for a candidate, with a seed of its own; all that it knows is in the storage."""
@@ -302,35 +316,54 @@ class _Proposer:
         return optuna.samplers.TPESampler(seed=seed)
 
 
-_NUMBERED = (TrialState.COMPLETE, TrialState.RUNNING, TrialState.FAIL, TrialState.PRUNED)
+def _tell_all(
+    search: Search,
+    study: optuna.Study,
+    generation: Sequence[FrozenTrial],
+    scores: Sequence[Score | CircuitkitError],
+) -> None:
+    """Keep the scores of a generation."""
+    for trial, score in zip(generation, scores, strict=True):
+        _tell(search, study, trial, score)
+
+
+def _whole(work: Callable[[], T]) -> T:
+    """Do something in the storage that a Ctrl-C shall not cut in two; it takes effect afterwards."""
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        result = work()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
+    return result
 
 
 def _tell(search: Search, study: optuna.Study, trial: FrozenTrial, score: Score | CircuitkitError) -> None:
     """Keep the score of a candidate."""
-    storage, number = study._storage, trial._trial_id  # no public name sets an attribute of an asked trial
-    storage.set_trial_user_attr(number, _SETTINGS, texts(search.parameters, trial.params))
-    if isinstance(score, CircuitkitError) or not math.isfinite(score.value):
-        reason = str(score) if isinstance(score, CircuitkitError) else "the objective is not finite"
-        storage.set_trial_user_attr(number, _ERROR, reason)
-        study.tell(trial.number, state=TrialState.FAIL)
-        return
-    storage.set_trial_user_attr(number, _FIGURES, list(score.figures))
-    storage.set_trial_user_attr(number, _RUNS, score.runs)
-    study.tell(trial.number, score.value)
+    known: dict[str, Any] = {"settings": texts(search.parameters, trial.params)}
+    value: float | None = None
+    if isinstance(score, CircuitkitError):
+        known["error"] = str(score)
+    elif not math.isfinite(score.value):
+        known["error"] = "the objective is not finite"
+    else:
+        value = score.value
+        known |= {"figures": score.figures, "runs": score.runs}
+    study._storage.set_trial_user_attr(trial._trial_id, _KNOWN, known)  # a FrozenTrial has no way to do it
+    study.tell(trial.number, value, state=TrialState.FAIL if value is None else None)
 
 
 def _found(search: Search, study: optuna.Study) -> Found:
-    told = [
-        Told(
-            trial.number,
-            trial.user_attrs.get(_SETTINGS, {}),
-            trial.value,
-            tuple(trial.user_attrs.get(_FIGURES, ())),
-            trial.user_attrs.get(_RUNS, 0),
-            trial.user_attrs.get(_ERROR, ""),
-        )
-        for trial in study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.FAIL))
-    ]
+    told = []
+    for trial in study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.FAIL)):
+        if known := trial.user_attrs.get(_KNOWN):
+            figures, runs = tuple(known.get("figures", ())), known.get("runs", 0)
+            error = known.get("error", "")
+            told.append(Told(trial.number, known["settings"], trial.value, figures, runs, error))
     return Found(tuple(sorted(told, key=lambda each: each.number)), search.maximise)
 
 
