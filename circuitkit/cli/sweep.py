@@ -61,6 +61,14 @@ def sweep(
         int | None,
         typer.Option("--seeds", metavar="N", min=1, help="Only the first N seeds, for a quick look."),
     ] = None,
+    by: Annotated[
+        str | None,
+        typer.Option(
+            "--by",
+            metavar="AXIS,AXIS...",
+            help="Print shares of survived runs by these axes only, over all values of the others.",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say how many runs there would be and how long they take.")
     ] = False,
@@ -99,14 +107,15 @@ def sweep(
     except KeyboardInterrupt as interruption:
         note(str(interruption))
         raise
+    axes = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
     if as_json:
-        print_json(as_data(results, output))
+        print_json(as_data(results, output, axes))
         return
-    print_found(results)
+    print_found(results, axes)
     note(f"wrote {(output or Path()) / 'results.parquet'}: {len(results.rows)} runs")
 
 
-def as_data(results: Results, folder: Path | None = None) -> dict[str, Any]:
+def as_data(results: Results, folder: Path | None = None, by: Sequence[str] | None = None) -> dict[str, Any]:
     """What was found, for JSON: limits in SI units, or shares."""
     search = results.study.search
     data: dict[str, Any] = {
@@ -114,8 +123,8 @@ def as_data(results: Results, folder: Path | None = None) -> dict[str, Any]:
         "runs": len(results.rows),
         "results": None if folder is None else str(folder / "results.parquet"),
     }
-    if search is None:
-        data["shares"] = [_of_share(share) for share in results.shares()]
+    if search is None or by is not None:
+        data["shares"] = [_of_share(share) for share in results.shares(by)]
         return data
     data["searched"] = search.field
     data["unit"] = search.unit.dimension.si_symbol
@@ -143,15 +152,16 @@ def _of_share(share: Share) -> dict[str, Any]:
     }
 
 
-def print_found(results: Results) -> None:
+def print_found(results: Results, by: Sequence[str] | None = None) -> None:
     """Print limits, or shares."""
     study, search = results.study, results.study.search
-    if search is None:
+    if search is None or by is not None:
+        shares = results.shares(by)
         rows = (
             (*share.texts.values(), f"{share.survived} of {share.runs}", _percents(share.interval))
-            for share in results.shares()
+            for share in shares
         )
-        headings = (*study.axes, ">survived", "95 % interval")
+        headings = (*shares[0].texts, ">survived", "95 % interval")
         print_table(study.name, headings, rows)
         return
     unit = search.unit

@@ -11,7 +11,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import circuitkit
-from circuitkit.errors import CircuitkitError
+from circuitkit.errors import CircuitkitError, UnknownNameError
 from circuitkit.study.search import Boundary, allowed_falls, boundary
 from circuitkit.study.spec import RESERVED, Cell, Label, Study
 from circuitkit.units import parse_quantity
@@ -208,12 +208,31 @@ class Results:
             each=each,
         )
 
-    def shares(self) -> tuple[Share, ...]:
-        """How many runs of every cell were survived, in the order of the study."""
-        found = []
+    def shares(self, by: Sequence[str] | None = None) -> tuple[Share, ...]:
+        """How many runs of every cell were survived, in the order of the study.
+
+        Args:
+            by: The axes to tell apart; runs that differ in others are counted together. All by default.
+
+        Raises:
+            UnknownNameError: The study has no such axis.
+        """
+        axes = tuple(self.study.axes)
+        for name in by or ():
+            if name not in axes:
+                kind = "axis"
+                raise UnknownNameError(kind, name, axes)
+        kept = axes if by is None else tuple(axis for axis in axes if axis in by)
+        groups: dict[tuple[Label, ...], tuple[Cell, list[Row]]] = {}
         for cell, rows in zip(self.study.cells, self._by_cell, strict=True):
-            up = sum(row["survived"] for row in rows)
-            found.append(Share(cell.labels, cell.texts, up, len(rows), wilson_interval(up, len(rows))))
+            same = tuple(cell.labels[axis] for axis in kept)
+            groups.setdefault(same, (cell, []))[1].extend(rows)
+        found = []
+        for cell, group in groups.values():
+            up = sum(row["survived"] for row in group)
+            labels = {axis: cell.labels[axis] for axis in kept}
+            texts = {axis: cell.texts[axis] for axis in kept}
+            found.append(Share(labels, texts, up, len(group), wilson_interval(up, len(group))))
         return tuple(found)
 
     @cached_property

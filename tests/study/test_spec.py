@@ -41,7 +41,7 @@ def sweeps(name: str) -> bool:
     return "tune" not in read_yaml(find_data_file(name, FOLDER)).data
 
 
-@pytest.mark.parametrize("name", filter(sweeps, shipped_names(FOLDER)))
+@pytest.mark.parametrize("name", [name for name in shipped_names(FOLDER) if sweeps(name)])
 def test_every_shipped_study_fits(name):
     found = load_study(name)
     assert found.name == name
