@@ -58,6 +58,7 @@ LOOKS: Mapping[str, Look] = {
     "dcm_ankle": Look("ankle PD on the DCM", GATE, (0, (6, 1.5, 1, 1.5, 1, 1.5)), "D", filled=False),
     "binn": Look("BiNN as the paper reads", INHIBITORY, (0, (3, 1.5)), "s", filled=False),
     "binn_tuned": Look("BiNN, tuned", EXCITATORY, "-", "s"),
+    "binn_capture": Look("BiNN on the capture point", "#1d4f7a", (0, (5, 1)), "P"),
     "bound": Look("bound by the DCM", INK, ":", ""),
     "point_mass": Look("the same, pushed at the CoM", "#9a9a9a", ":", ""),
 }

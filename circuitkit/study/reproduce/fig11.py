@@ -10,7 +10,7 @@ from circuitkit.study import load_study, wilson_interval
 from circuitkit.study.reproduce.drawing import LOOKS, WIDTH_IN, label_of, save
 from circuitkit.study.reproduce.fig11_claims import DIRECTIONS, LARGEST_N, claims_of
 from circuitkit.study.reproduce.finding import Finding, Picture, Table
-from circuitkit.study.reproduce.forces import Forces, bounds, by_contender, fall_unpushed
+from circuitkit.study.reproduce.forces import Forces, bounds, by_contender, circuits_of, fall_unpushed
 from circuitkit.study.reproduce.job import Effort, Job
 from circuitkit.study.reproduce.numbers import plain, signed_percent, words
 
@@ -21,29 +21,36 @@ if TYPE_CHECKING:
 
 TITLE = "Figure 11: compensation of an external force"
 EFFORT = Effort(full_s=1200.0, quick_s=110.0)
-STUDY = "fig11"
+STUDY, THROUGH_COM = "fig11", "fig11_com"
 _QUICK: Mapping[str, Any] = {
     "axes": {"pushes[0].duration": ["0.1 s", "0.2 s", "0.4 s", "0.7 s", "1.0 s"]},
     "seeds": {"count": 4},
     "search": {"step": "2 N", "check_below": 0},
 }
+_QUICK_COM: Mapping[str, Any] = {"seeds": {"count": 3}, "search": {"step": "4 N", "check_below": 0}}
 
 
 def run(job: Job) -> Finding:
     """Search the largest survived forces, set them beside the bound and the paper's numbers, draw them."""
     study = load_study(STUDY)
     study = study.with_(_QUICK) if job.quick else study
-    forces = measure(job, study)
+    through_com = load_study(THROUGH_COM)
+    through_com = through_com.with_(_QUICK_COM) if job.quick else through_com
+    forces, at_com = measure(job, study), measure(job, through_com, THROUGH_COM)
     seeds = study.seeds
     return Finding(
         figure=job.figure,
         title=TITLE,
-        claims=claims_of(forces, len(seeds)),
+        claims=claims_of(forces, at_com, len(seeds)),
         pictures=(_draw(job, forces, len(seeds)),),
-        tables=(*(_table(forces, direction) for direction in DIRECTIONS), _means(forces)),
+        tables=(
+            *(_table(forces, direction, "") for direction in DIRECTIONS),
+            _means(forces),
+            *(_table(at_com, direction, ", pushed through the centre of mass") for direction in DIRECTIONS),
+        ),
         text=_text(study),
         seeds=f"seeds {seeds[0]} to {seeds[-1]}",
-        studies=(STUDY,),
+        studies=(STUDY, THROUGH_COM),
         data={
             "largest_survived_n": _flat(forces.survived),
             "dcm_bound_n": _flat({"torso": forces.bound, "centre of mass": forces.point_mass}),
@@ -51,13 +58,13 @@ def run(job: Job) -> Finding:
     )
 
 
-def measure(job: Job, study: Study) -> Forces:
+def measure(job: Job, study: Study, name: str = "") -> Forces:
     """The largest survived forces of all contenders, and the bound on the same walk."""
-    limits = job.sweep(study).limits()
+    limits = job.sweep(study, name).limits()
     survived = by_contender(limits)
     kinds = tuple(next(iter(survived.values())))
     bound, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)
-    return Forces(survived, bound, point_mass, fall_unpushed(limits))
+    return Forces(survived, bound, point_mass, fall_unpushed(limits), circuits_of(study))
 
 
 def _flat(forces: Mapping[str, Mapping[Any, float]]) -> list[dict[str, Any]]:
@@ -84,7 +91,7 @@ def _text(study: Study) -> str:
         held (point mass).""")
 
 
-def _table(forces: Forces, direction: str) -> Table:
+def _table(forces: Forces, direction: str, where: str) -> Table:
     kinds = forces.of_direction(direction)
     rows = [
         (label_of(name), *(_force(own[kind], name in forces.falls_unpushed) for kind in kinds))
@@ -93,7 +100,7 @@ def _table(forces: Forces, direction: str) -> Table:
     rows.append((label_of("bound"), *(plain(forces.bound[kind]) for kind in kinds)))
     rows.append((label_of("point_mass"), *(plain(forces.point_mass[kind]) for kind in kinds)))
     headings = ("controller", *(f">{kind.duration_s:g} s" for kind in kinds))
-    return Table(f"Largest force survived in all runs, {direction} [N]", headings, tuple(rows))
+    return Table(f"Largest force survived in all runs, {direction}{where} [N]", headings, tuple(rows))
 
 
 def _force(force: float, falls: bool) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+from circuitkit.study.push_bounds import PushKind
 from circuitkit.study.reproduce.finding import Claim, Verdict, agrees, all_hold, reaches
 from circuitkit.study.reproduce.forces import Forces
 from circuitkit.study.reproduce.numbers import count, plain, signed_percent, words
@@ -11,75 +13,74 @@ from circuitkit.study.reproduce.numbers import count, plain, signed_percent, wor
 DIRECTIONS = ("outward", "inward")
 IMPROVEMENT, LARGEST_N, BOUND_N = 1.5255, 22.0, 22.48  # the paper's
 WANTED_OF_BOUND = 0.85
+READ, TUNED, CAPTURE = "binn", "binn_tuned", "binn_capture"
+_IN_WORDS = {READ: "as the paper reads", TUNED: "tuned", CAPTURE: "reading the capture point"}
 _SHORT_S = 0.3
 _TUNED_FOR_S = (0.1, 0.2, 0.4)
 _SOURCE, _BEYOND = "section 5.2", "beyond the paper"
-_PAPER, _TUNED = "circuit binn_lateral, all numbers as the paper reads", "circuit binn_lateral_tuned"
 
 
-def claims_of(forces: Forces, runs: int) -> tuple[Claim, ...]:
+def claims_of(forces: Forces, at_com: Forces, runs: int) -> tuple[Claim, ...]:
     """The rows of Fig. 11.
 
     Args:
-        forces: Of the contenders binn, binn_tuned, mpc and mpc_full.
+        forces: For pushes at the torso, of the contenders binn, binn_tuned, binn_capture, mpc and mpc_full.
+        at_com: The same for pushes through the centre of mass; needs binn_capture only.
         runs: How many had to be survived.
     """
-    how = f"largest force survived in all of {runs} runs, mean of the ratios over durations and directions"
+    how = f"mean of the ratios over durations and directions; all of {runs} runs survived"
     return (
-        _every_duration(forces, runs),
-        _improvement("tuned", forces.ratio("binn_tuned", "mpc"), f"{_TUNED} over mpc; {how}"),
-        _improvement(
-            "as the paper reads",
-            forces.ratio("binn", "mpc"),
-            f"{_PAPER}, over mpc; {how}",
-            why=_why_not_as_read(forces),
-        ),
+        *(_every_duration(forces, name, runs) for name in (TUNED, CAPTURE)),
+        *(_improvement(forces, name, how) for name in (READ, TUNED, CAPTURE)),
         _shorter(forces, how),
         _largest(forces, runs),
         _bound(forces, runs),
-        _of_bound(forces),
-        _full_feedback(forces, how),
+        *(_of_bound(forces, name, "at the torso") for name in (TUNED, CAPTURE)),
+        _of_bound(at_com, CAPTURE, "through the centre of mass"),
+        *(_full_feedback(forces, name, how) for name in (TUNED, CAPTURE)),
     )
 
 
-def _why_not_as_read(forces: Forces) -> str:
-    alone = "It falls even without a push. " if "binn" in forces.falls_unpushed else ""
-    return f"{alone}On this plant the paper's w is too quick and lifts the edge of the foot: see Fig. 9."
+def _circuit(forces: Forces, name: str) -> str:
+    return f"circuit {forces.circuits.get(name, name)}"
 
 
-def _every_duration(forces: Forces, runs: int) -> Claim:
-    won, pushes = forces.wins("binn_tuned", "mpc"), len(forces.kinds)
+def _every_duration(forces: Forces, name: str, runs: int) -> Claim:
+    won, pushes = forces.wins(name, "mpc"), len(forces.kinds)
     return Claim(
-        "The BiNN withstands more than the MPC for every duration",
+        f"The BiNN ({_IN_WORDS[name]}) withstands more than the MPC for every duration",
         "all",
         count(won, pushes),
-        f"{_TUNED} against mpc, durations and directions in which it survives more; {runs} runs each",
+        f"{_circuit(forces, name)} against mpc, in how many kinds of push it survives more; {runs} runs",
         reaches(won, pushes, 0),
         source=_SOURCE,
     )
 
 
-def _improvement(which: str, ratio: float, how: str, why: str = "") -> Claim:
+def _improvement(forces: Forces, name: str, how: str) -> Claim:
+    ratio = forces.ratio(name, "mpc")
     verdict = reaches(ratio, IMPROVEMENT, 1.0)
+    alone = "It falls even without a push. " if name in forces.falls_unpushed else ""
+    reason = f"{alone}On this plant the paper's w is too quick and lifts the edge of the foot: see Fig. 9."
     return Claim(
-        f"The BiNN is on average 52.55 % better than the MPC ({which})",
+        f"The BiNN ({_IN_WORDS[name]}) is on average 52.55 % better than the MPC",
         "+52.55 %",
         signed_percent(ratio),
-        how,
+        f"{_circuit(forces, name)} over mpc; {how}",
         verdict,
-        why=why if verdict is not Verdict.HOLDS else "",
+        why=reason if name == READ and verdict is not Verdict.HOLDS else "",
         source=_SOURCE,
     )
 
 
 def _shorter(forces: Forces, how: str) -> Claim:
-    short = forces.ratio("binn_tuned", "mpc", [k for k in forces.kinds if k.duration_s <= _SHORT_S + 1e-9])
-    long = forces.ratio("binn_tuned", "mpc", [k for k in forces.kinds if k.duration_s > _SHORT_S + 1e-9])
+    short = forces.ratio(TUNED, "mpc", [k for k in forces.kinds if k.duration_s <= _SHORT_S + 1e-9])
+    long = forces.ratio(TUNED, "mpc", [k for k in forces.kinds if k.duration_s > _SHORT_S + 1e-9])
     return Claim(
         "The improvement is larger for shorter durations",
         "larger",
         f"{signed_percent(short)} up to {_SHORT_S:g} s, {signed_percent(long)} beyond",
-        f"{_TUNED} over mpc; {how}",
+        f"{_circuit(forces, TUNED)} over mpc; {how}",
         all_hold(short > long),
         source=_SOURCE,
     )
@@ -87,12 +88,12 @@ def _shorter(forces: Forces, how: str) -> Claim:
 
 def _largest(forces: Forces, runs: int) -> Claim:
     kinds = [forces.shortest(direction) for direction in DIRECTIONS]
-    found = {kind: forces.survived["binn_tuned"][kind] for kind in kinds}
+    found = {kind: forces.survived[TUNED][kind] for kind in kinds}
     return Claim(
         "The largest force, for 0.1 s, is 22 N",
         f"{LARGEST_N:g} N",
         ", ".join(f"{plain(force)} N {kind.direction}" for kind, force in found.items()),
-        f"{_TUNED}, {kinds[0].duration_s:g} s, all of {runs} runs; the paper does not tell the direction",
+        f"{_circuit(forces, TUNED)}, {kinds[0].duration_s:g} s, {runs} runs; the paper tells no direction",
         all_hold(*(agrees(force, LARGEST_N, 0.1) is Verdict.HOLDS for force in found.values())),
         why=words("""
         Inward, the foot in the air comes down and catches the robot, so that more can be held than on one
@@ -102,13 +103,14 @@ def _largest(forces: Forces, runs: int) -> Claim:
 
 
 def _bound(forces: Forces, runs: int) -> Claim:
-    kind = forces.largest("binn_tuned")
-    force = forces.survived["binn_tuned"][kind]
+    best = max((TUNED, CAPTURE), key=lambda name: forces.survived[name][forces.largest(name)])
+    kind = forces.largest(best)
+    force = forces.survived[best][kind]
     return Claim(
         "Ankles hold no force above the 22.48 N of eq. 22",
         f"{BOUND_N} N",
         f"{plain(force)} N, {kind.direction} for {kind.duration_s:g} s",
-        f"{_TUNED}, the largest force of all, survived in all of {runs} runs",
+        f"{_circuit(forces, best)}, the largest force of all, survived in all of {runs} runs",
         all_hold(force <= BOUND_N),
         why=words("""
         Eq. 22 is the bound for a push that lasts, at the height of the CoM. A short one ends before the
@@ -118,26 +120,30 @@ def _bound(forces: Forces, runs: int) -> Claim:
     )
 
 
-def _of_bound(forces: Forces) -> Claim:
-    kinds = [k for k in forces.kinds if any(math.isclose(k.duration_s, d) for d in _TUNED_FOR_S)]
-    part = forces.of_bound("binn_tuned", kinds)
+def _of_bound(forces: Forces, name: str, where: str) -> Claim:
+    part = forces.of_bound(name, tuned_for(forces.kinds))
     return Claim(
-        "The tuned BiNN reaches 85 % of what ankles can hold",
+        f"The BiNN ({_IN_WORDS[name]}) reaches 85 % of what ankles can hold, pushed {where}",
         "-",
         f"{part * 100:.0f} %",
-        f"{_TUNED} over the DCM bound for a push at the torso, mean over 0.1, 0.2, 0.4 s and both directions",
+        f"{_circuit(forces, name)} over the DCM bound, mean over 0.1, 0.2, 0.4 s and both directions",
         reaches(part, WANTED_OF_BOUND, WANTED_OF_BOUND / 2),
         source=_BEYOND,
     )
 
 
-def _full_feedback(forces: Forces, how: str) -> Claim:
-    ratio = forces.ratio("binn_tuned", "mpc_full")
+def tuned_for(kinds: Sequence[PushKind]) -> list[PushKind]:
+    """The pushes with the durations that circuits are tuned for."""
+    return [kind for kind in kinds if any(math.isclose(kind.duration_s, d) for d in _TUNED_FOR_S)]
+
+
+def _full_feedback(forces: Forces, name: str, how: str) -> Claim:
+    ratio = forces.ratio(name, "mpc_full")
     return Claim(
-        "The tuned BiNN withstands more than an MPC that knows the true centre of mass",
+        f"The BiNN ({_IN_WORDS[name]}) withstands more than an MPC that knows the centre of mass",
         "-",
         signed_percent(ratio),
-        f"{_TUNED} over mpc_full; {how}",
+        f"{_circuit(forces, name)} over mpc_full; {how}",
         reaches(ratio, 1.0, 0.9),
         source=_BEYOND,
     )

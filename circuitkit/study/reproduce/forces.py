@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from circuitkit.simulate.disturbance import direction_of, push_start
-from circuitkit.study.push_limits import PushKind, dcm_bounds_around
+from circuitkit.study.push_bounds import PushKind, dcm_bounds_around
 
 if TYPE_CHECKING:
     from circuitkit.simulate import Plan
-    from circuitkit.study import Limit
+    from circuitkit.study import Limit, Study
 
 DIRECTION, DURATION = "pushes[0].direction", "pushes[0].duration"
 
@@ -28,12 +28,14 @@ class Forces:
         bound: What no control with the ankles can exceed whose torso does not turn, pushed where it is.
         point_mass: The same for a push at the height of the centre of mass.
         falls_unpushed: Contenders that did not survive the force 0 either, in some run.
+        circuits: Name of the circuit of a contender that has one.
     """
 
     survived: Mapping[str, Mapping[PushKind, float]]
     bound: Mapping[PushKind, float]
     point_mass: Mapping[PushKind, float]
     falls_unpushed: frozenset[str] = frozenset()
+    circuits: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def kinds(self) -> tuple[PushKind, ...]:
@@ -114,6 +116,15 @@ def bounds(plan: Plan, kinds: Iterable[PushKind]) -> tuple[dict[PushKind, float]
 def fall_unpushed(limits: Sequence[Limit], axis: str = "contender") -> frozenset[str]:
     """Contenders that fell with the force 0 in some run."""
     return frozenset(str(limit.labels[axis]) for limit in limits if limit.fails_at == 0)
+
+
+def circuits_of(study: Study, axis: str = "contender") -> dict[str, str]:
+    """Which circuit each contender has."""
+    return {
+        value.text: str(value.settings["circuit"])
+        for value in study.axes[axis]
+        if "circuit" in value.settings
+    }
 
 
 def kind_of(limit: Limit) -> PushKind:

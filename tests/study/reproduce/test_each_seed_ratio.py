@@ -63,9 +63,9 @@ def test_a_gain_in_every_condition_holds():
         "ice": made_up(1.4, 1.2, 1.5),
         "hill": made_up(1.3, 1.1, 1.4),
     }
-    gain, kept = robustness.claims_of(ratios, 12)
+    gain, kept = robustness.claims_of("binn", ratios, 12)
     assert gain.verdict is Verdict.HOLDS
-    assert "2 of 2" in gain.ours
+    assert gain.ours == "in 2 of 2 conditions"
     assert kept.verdict is Verdict.HOLDS
     assert "1.30 (1.10 to 1.40) (hill)" in kept.ours
 
@@ -76,7 +76,7 @@ def test_a_condition_without_a_sure_gain_is_named():
         "ice": made_up(1.05, 0.9, 1.2),
         "hill": made_up(1.5, 1.4, 1.6),
     }
-    gain, kept = robustness.claims_of(ratios, 12)
+    gain, kept = robustness.claims_of("binn", ratios, 12)
     assert gain.verdict is Verdict.PARTLY
     assert gain.why == "Not sure in: ice."
     assert kept.verdict is Verdict.PARTLY
@@ -89,19 +89,34 @@ def test_neurons_that_are_worth_nothing_are_named():
         "q1": made_up(0.7, 0.6, 0.8),
         "h1": made_up(0.99, 0.9, 1.1),
     }
-    claim = ablation.claim_of(ratios, ("q1", "h1"), 6)
+    claim = ablation.claim_of("binn", ratios, ("q1", "h1"), 6)
     assert claim.verdict is Verdict.PARTLY
     assert claim.ours == "1 of 2 neurons; q1 is worth most: 70 % without it, open loop 50 %"
-    assert claim.why == "Without h1 at least 95 % stay."
-    assert ablation.claim_of(ratios, ("q1",), 6).verdict is Verdict.HOLDS
+    assert claim.why == "Without h1, one at a time, at least 95 % stay."
+    assert ablation.claim_of("binn", ratios, ("q1",), 6).verdict is Verdict.HOLDS
 
 
-def test_every_neuron_and_connection_of_the_circuit_is_silenced_in_turn():
-    circuit = resolve(load_circuit("binn_lateral_tuned"))
-    study = ablation.with_lesions(load_study("ablation"), circuit)
+NEURONS = ["lf", "bf", "rf", "q1", "q2", "q3", "q4", "h1", "h2", "p1", "p2"]
+
+
+@pytest.mark.parametrize("name", ["binn_lateral_tuned", "binn_lateral_capture"])
+def test_every_neuron_and_connection_of_the_circuit_is_silenced_in_turn(name):
+    circuit = resolve(load_circuit(name))
+    parts = ablation.neurons_of(circuit), ablation.connections_of(circuit)
+    study = ablation.with_lesions(load_study("ablation"), name, parts)
     lesions = [value.text for value in study.axes["lesion"]]
     assert lesions[:2] == ["nothing", "everything"]
-    assert lesions[2:13] == ["lf", "bf", "rf", "q1", "q2", "q3", "q4", "h1", "h2", "p1", "p2"]
+    assert lesions[2:13] == NEURONS
     assert len(lesions) == 2 + 11 + 27
+    assert "inputs -> q1" in lesions
     for value in study.axes["lesion"][2:]:
         assert silence(circuit, value.settings["silenced"]) != circuit
+    assert [value.text for value in study.axes["circuit"]] == [name]
+
+
+def test_a_sum_of_inputs_to_a_neuron_is_one_connection():
+    circuit = resolve(load_circuit("binn_lateral_capture"))
+    silenced = ablation.connections_of(circuit)["inputs -> q1"]
+    assert "com_y -> lateral.q1" in silenced
+    assert "com_velocity_y -> lateral.q1" in silenced
+    assert all(each.endswith("-> lateral.q1") for each in silenced)

@@ -75,16 +75,18 @@ def test_fig10_times_outside_fit_together(tmp_path):
 def test_fig11_forces_lie_on_the_grid_and_below_what_is_possible(tmp_path, monkeypatch):
     cut = {
         "axes": {
-            "contender": ["open_loop", "mpc", "mpc_full", "binn", "binn_tuned"],
+            "contender": ["open_loop", "mpc", "mpc_full", "binn", "binn_tuned", "binn_capture"],
             "pushes[0].duration": ["0.2 s"],
         },
         "seeds": {"count": 1},
         "search": COARSE["search"] | {"check_below": 0},
     }
     monkeypatch.setattr(fig11, "_QUICK", COARSE | cut)
+    com = {"axes": {"contender": ["binn_capture"], "pushes[0].duration": ["0.2 s"]}}
+    monkeypatch.setattr(fig11, "_QUICK_COM", {**COARSE, **cut, **com, "set": {"pushes[0].start.step": 2}})
     finding = make(fig11, tmp_path)
     forces, bounds = finding.data["largest_survived_n"], finding.data["dcm_bound_n"]
-    assert len(forces) == 5 * 2
+    assert len(forces) == 6 * 2
     assert {row["contender"] for row in bounds} == {"torso", "centre of mass"}
     most = {row["direction"]: row["force_n"] for row in bounds if row["contender"] == "centre of mass"}
     for row in forces:
@@ -94,14 +96,16 @@ def test_fig11_forces_lie_on_the_grid_and_below_what_is_possible(tmp_path, monke
     assert all(torso[direction] < most[direction] for direction in most)
 
 
-def test_robustness_compares_both_in_every_condition(tmp_path, monkeypatch):
+def test_robustness_compares_all_in_every_condition(tmp_path, monkeypatch):
     conditions = ["nominal", "mass +10 %"]
     cut = {"axes": {"condition": conditions, "pushes[0].direction": ["inward"]}, "seeds": {"count": 2}}
     monkeypatch.setattr(robustness, "_QUICK", COARSE | cut)
     finding = make(robustness, tmp_path)
-    assert list(finding.data) == conditions
-    for ratio in finding.data.values():
-        assert ratio["mine"] % (STEP_N / 2) == ratio["theirs"] % (STEP_N / 2) == 0  # means of two seeds
+    assert list(finding.data) == ["binn_tuned", "binn_capture"]
+    for own in finding.data.values():
+        assert list(own) == conditions
+        for ratio in own.values():
+            assert ratio["mine"] % (STEP_N / 2) == ratio["theirs"] % (STEP_N / 2) == 0  # means of two seeds
 
 
 def test_every_condition_of_the_robustness_study_can_be_run():
@@ -116,11 +120,13 @@ def test_every_condition_of_the_robustness_study_can_be_run():
 
 
 def test_ablation_sets_lesions_between_the_whole_circuit_and_none(tmp_path, monkeypatch):
-    monkeypatch.setattr(ablation, "neurons_of", lambda _: ("q3", "p1"))
-    monkeypatch.setattr(ablation, "connections_of", lambda _: ("q3 -> p1", "p1 -> ankle_roll"))
-    cut = {"axes": {"pushes[0].start.step": [2], "pushes[0].direction": ["inward"]}, "seeds": {"count": 1}}
-    monkeypatch.setattr(ablation, "_QUICK", {**COARSE, **cut, "set": {}})
+    monkeypatch.setattr(ablation, "neurons_of", lambda _: {"q3": ("q3",), "p1": ("p1",)})
+    ends = {"q3 -> p1": ("q3 -> p1",), "p1 -> ankle_roll": ("p1 -> ankle_roll",)}
+    monkeypatch.setattr(ablation, "connections_of", lambda _: ends)
+    axes = {"circuit": ["binn_lateral_tuned"], "pushes[0].start.step": [2], "pushes[0].direction": ["inward"]}
+    monkeypatch.setattr(ablation, "_QUICK", {**COARSE, "axes": axes, "seeds": {"count": 1}, "set": {}})
     finding = make(ablation, tmp_path)
-    assert list(finding.data) == ["nothing", "everything", "q3", "p1", "q3 -> p1", "p1 -> ankle_roll"]
-    assert finding.data["nothing"]["value"] == 1.0
-    assert finding.data["p1"]["mine"] == finding.data["p1 -> ankle_roll"]["mine"]  # the same lesion twice
+    found = finding.data["binn_lateral_tuned"]
+    assert list(found) == ["nothing", "everything", "q3", "p1", "q3 -> p1", "p1 -> ankle_roll"]
+    assert found["nothing"]["value"] == 1.0
+    assert found["p1"]["mine"] == found["p1 -> ankle_roll"]["mine"]  # the same lesion twice
