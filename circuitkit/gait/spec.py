@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from circuitkit.source import FileModel, find_data_file, read_yaml, validate_model
 from circuitkit.source.fields import Metres, Radians, Ratio, Seconds
 
-_FOLDER = "sims"
+_FOLDER = "sims/gaits"
 
 
 class Window(FileModel):

@@ -14,7 +14,7 @@ def data_folder(folder: str) -> Path:
     """Where shipped files of a kind lie: inside an installed package, or at the top of a source checkout.
 
     Args:
-        folder: "circuits" or "sims".
+        folder: Such as "circuits" or "sims/gaits".
     """
     installed = _PACKAGE / "_data" / folder
     return installed if installed.is_dir() else _PACKAGE.parent / folder
@@ -24,7 +24,7 @@ def shipped_names(folder: str) -> tuple[str, ...]:
     """Names of the shipped files of a kind, sorted.
 
     Args:
-        folder: "circuits" or "sims".
+        folder: Such as "circuits" or "sims/gaits".
     """
     return tuple(sorted(path.stem for path in data_folder(folder).glob(f"*{_SUFFIX}")))
 
@@ -36,7 +36,7 @@ def find_data_file(name_or_path: str | Path, folder: str) -> Path:
 
     Args:
         name_or_path: Such as `my/circuit.yaml` or `binn_lateral`.
-        folder: "circuits" or "sims".
+        folder: Such as "circuits" or "sims/gaits".
 
     Raises:
         InputError: There is no shipped file of this name; lists those there are.
@@ -47,5 +47,5 @@ def find_data_file(name_or_path: str | Path, folder: str) -> Path:
     names = shipped_names(folder)
     if path.name in names:
         return data_folder(folder) / f"{path.name}{_SUFFIX}"
-    message = f"unknown name '{path}'; allowed: a path, or one of the shipped {folder}: {listing(names)}"
+    message = f"unknown name '{path}'; allowed: a path, or one of the shipped {Path(folder).name}: {listing(names)}"
     raise InputError(Problem(str(path), 1, 1, "", message, suggest(path.name, names)))

@@ -140,8 +140,8 @@ def test_a_foot_must_be_lifted_to_step(tmp_path):
 def test_an_unknown_gait_is_answered_with_the_shipped_ones():
     with pytest.raises(InputError) as caught:
         load_gait("gait_walk_3cm")
-    names = ", ".join(shipped_names("sims"))
+    names = ", ".join(shipped_names("sims/gaits"))
     assert str(caught.value) == (
-        "gait_walk_3cm:1:1: unknown name 'gait_walk_3cm'; allowed: a path, or one of the shipped sims: "
+        "gait_walk_3cm:1:1: unknown name 'gait_walk_3cm'; allowed: a path, or one of the shipped gaits: "
         f"{names}; did you mean 'gait_walk_2cm'?"
     )
