@@ -98,6 +98,10 @@ def manifest_of(study: Study, inputs: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
+class OtherStudyError(InputError):
+    """The runs that are there are of another study, or of other files or versions."""
+
+
 @dataclass(frozen=True)
 class Store:
     """The folder of a sweep."""
@@ -130,7 +134,7 @@ class Store:
 
         Raises:
             CircuitkitError: The folder has results and `resume` is not set.
-            InputError: The results there are of another study.
+            OtherStudyError: The results there are of another study.
             OutputError: The folder cannot be written.
         """
         arrow()
@@ -157,7 +161,7 @@ class Store:
                 f"cannot go on in '{self.folder}', for its runs are of another study: {shown}"
                 f"{f'; and {more} more' if more > 0 else ''}; name another folder"
             )
-            raise InputError(Problem("", 0, 0, "", message))
+            raise OtherStudyError(Problem("", 0, 0, "", message))
         return {str(row["key"]): _outcome(row) for row in self._rows()}
 
     def add(self, study: Study, rows: Sequence[Row]) -> None:
@@ -213,10 +217,10 @@ class Store:
             message = (
                 f"there are no results of a sweep in '{self.folder}'; allowed: the folder that a sweep wrote"
             )
-            raise InputError(Problem("", 0, 0, "", message)) from error
+            raise OtherStudyError(Problem("", 0, 0, "", message)) from error
         if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
             message = f"'{self._study_file}' was written by another version; allowed: format {_FORMAT}"
-            raise InputError(Problem("", 0, 0, "", message))
+            raise OtherStudyError(Problem("", 0, 0, "", message))
         return manifest
 
     def _rows(self) -> Iterator[dict[str, Any]]:

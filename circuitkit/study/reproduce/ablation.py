@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from circuitkit.study import Study
 
 TITLE = "Ablation: what each part of the circuit is worth"
-EFFORT = Effort(full_s=420.0, quick_s=65.0)
+EFFORT = Effort(full_s=340.0, quick_s=60.0)
 STUDY = "ablation"
 WHOLE, NONE = "nothing", "everything"
 SENSES = "inputs"

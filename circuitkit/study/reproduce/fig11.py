@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from circuitkit.study import Study
 
 TITLE = "Figure 11: compensation of an external force"
-EFFORT = Effort(full_s=1200.0, quick_s=110.0)
+EFFORT = Effort(full_s=900.0, quick_s=115.0)
 STUDY, THROUGH_COM = "fig11", "fig11_com"
 _QUICK: Mapping[str, Any] = {
     "axes": {"pushes[0].duration": ["0.1 s", "0.2 s", "0.4 s", "0.7 s", "1.0 s"]},
@@ -36,7 +36,7 @@ def run(job: Job) -> Finding:
     study = study.with_(_QUICK) if job.quick else study
     through_com = load_study(THROUGH_COM)
     through_com = through_com.with_(_QUICK_COM) if job.quick else through_com
-    forces, at_com = measure(job, study), measure(job, through_com, THROUGH_COM)
+    forces, at_com = measure(job, study), measure(job, through_com)
     seeds = study.seeds
     return Finding(
         figure=job.figure,
@@ -58,9 +58,9 @@ def run(job: Job) -> Finding:
     )
 
 
-def measure(job: Job, study: Study, name: str = "") -> Forces:
+def measure(job: Job, study: Study) -> Forces:
     """The largest survived forces of all contenders, and the bound on the same walk."""
-    limits = job.sweep(study, name).limits()
+    limits = job.sweep(study, apart="contender").limits()
     survived = by_contender(limits)
     kinds = tuple(next(iter(survived.values())))
     bound, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)

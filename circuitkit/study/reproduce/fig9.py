@@ -41,7 +41,7 @@ def run(job: Job) -> Finding:
     """Push the walk with 20 N for 0.2 s under several controllers; draw it under the BiNN and without."""
     seeds = QUICK_SEEDS if job.quick else SEEDS
     study = load_study(STUDY).with_({"seeds": {"first": seeds.start, "count": len(seeds)}})
-    shares = {str(share.labels["contender"]): share for share in job.sweep(study).shares()}
+    shares = {str(share.labels["contender"]): share for share in job.sweep(study, apart="contender").shares()}
     walk = record_pushed_walk("circuit", seeds)
     returned = time_to_limit_cycle_s(walk)
     picture = _draw(job, walk, record_pushed_walk("open_loop", seeds[:1]))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from circuitkit.study import Results, Study
+    from circuitkit.study import Pool, Results, Study
     from circuitkit.study.reproduce.finding import Finding
 
 
@@ -49,17 +50,43 @@ class Job:
     progress: bool = False
     say: Callable[[str], object] = _silent
 
-    def sweep(self, study: Study, name: str = "") -> Results:
-        """Run a study, or what is left of it: its runs lie in `DIR/FIGURE/quick` or `DIR/FIGURE/full`.
+    def sweep(self, study: Study, name: str = "", *, apart: str = "") -> Results:
+        """Run a study, or what is left of it.
+
+        Its runs lie in `DIR/FIGURE/quick` or `DIR/FIGURE/full`. Runs there of other circuits, scenarios or
+        versions are thrown away.
 
         Args:
             study: What to run.
-            name: Tells several studies of one figure apart.
-        """
-        from circuitkit.study import sweep
+            name: Of its folder; the study's by default.
+            apart: An axis whose values get a folder each, so that a change of one leaves the others' runs.
 
-        folder = self.folder / ("quick" if self.quick else "full") / name
-        return sweep(study, folder, workers=self.workers, resume=True, progress=self.progress)
+        Raises:
+            CircuitkitError: As of `sweep`.
+        """
+        from circuitkit.study import Results, open_pool
+
+        folder = self.folder / ("quick" if self.quick else "full") / (name or study.name)
+        with open_pool(self.workers) as pool:
+            if not apart:
+                return self._sweep(study, folder, pool)
+            parts = [study.with_({"axes": {apart: [value.text]}}) for value in study.axes[apart]]
+            done = [
+                self._sweep(part, folder / value.text, pool)
+                for part, value in zip(parts, study.axes[apart], strict=True)
+            ]
+        return Results(study, tuple(row for results in done for row in results.rows))
+
+    def _sweep(self, study: Study, folder: Path, pool: Pool) -> Results:
+        from circuitkit.study import sweep
+        from circuitkit.study.store import OtherStudyError
+
+        try:
+            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
+        except OtherStudyError:
+            self.say(f"{self.figure}: the runs in '{folder}' are of other files; they are made anew")
+            shutil.rmtree(folder)
+            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
 
 
 class FigureModule(Protocol):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLE = "Robustness of the result"
-EFFORT = Effort(full_s=600.0, quick_s=85.0)
+EFFORT = Effort(full_s=520.0, quick_s=80.0)
 STUDY = "robustness"
 NOMINAL, BASELINE = "nominal", "open_loop"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "4 N"}}
@@ -34,7 +34,7 @@ def run(job: Job) -> Finding:
     """Search the largest survived forces in every condition, with and without circuits; draw the ratios."""
     study = load_study(STUDY)
     study = study.with_(_QUICK) if job.quick else study
-    forces = forces_by(job.sweep(study).limits(), "condition", "contender")
+    forces = forces_by(job.sweep(study, apart="contender").limits(), "condition", "contender")
     circuits = circuits_of(study)
     conditions = tuple(dict.fromkeys(condition for condition, _ in forces))
     ratios = {
