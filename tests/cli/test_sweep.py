@@ -77,7 +77,7 @@ def test_a_dry_run_counts_and_runs_nothing(circuitkit, study, tmp_path):
     ("words", "code", "message"),
     [
         (["two.yaml"], 2, "name a folder for the results: -o DIR"),
-        (["tow", "-o", "out"], 1, "unknown name 'tow'; allowed: a path, or one of the shipped sims/studies"),
+        (["tow", "-o", "out"], 1, "unknown name 'tow'; allowed: a path, or one of the shipped studies"),
         (["two.yaml", "-o", "out", "--workers", "0"], 2, "greater than or equal to 1"),
         (["two.yaml", "-o", "out", "--workers", "2", "--scheduler", "tcp://x:1"], 3, "not both"),
     ],

@@ -164,7 +164,7 @@ def test_a_name_that_is_not_there(mine, old, new, said):
 def test_an_unknown_gait(mine):
     said = complaints(mine(("gait: gait_march", "gait: gait_marsh")))
     assert said.startswith(
-        "gait_marsh:1:1: unknown name 'gait_marsh'; allowed: a path, or one of the shipped sims: "
+        "gait_marsh:1:1: unknown name 'gait_marsh'; allowed: a path, or one of the shipped gaits: "
     )
     assert said.endswith("did you mean 'gait_march'?")
 

@@ -205,7 +205,7 @@ def test_an_unknown_scenario():
         load_scenario("nao_pusch")
     said = str(caught.value)
     assert said.startswith(
-        "nao_pusch:1:1: unknown name 'nao_pusch'; allowed: a path, or one of the shipped sims: gait_march, "
+        "nao_pusch:1:1: unknown name 'nao_pusch'; allowed: a path, or one of the shipped sims: nao_push"
     )
     assert said.endswith("; did you mean 'nao_push'?")
 
