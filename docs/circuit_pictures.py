@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 
 from circuitkit import compile_circuit, load_circuit, resolve, run
 from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
+from circuitkit.gait.lipm import natural_frequency
+from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulate.loop import run_loop
+from circuitkit.study import load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,6 +90,50 @@ def binn_sagittal() -> Figure:
     right.set(xlabel="time [s]")
     right.legend(frameon=False)
     return figure
+
+
+def binn_sagittal_pushed() -> Figure:
+    """A marching NAO pushed forward: no circuit, one that reads the ZMP, one that reads the capture point."""
+    runs = {
+        "no circuit, 13.5 N": ("open_loop", "binn_sagittal", "13.5 N"),
+        "reads the ZMP, 6 N": ("circuit", "binn_sagittal", "6 N"),
+        "reads the capture point, 13.5 N": ("circuit", "binn_sagittal_tuned", "13.5 N"),
+    }
+    figure, axes = sheet(2, 3, 3.9, sharex=True, sharey="row", height_ratios=[1.6, 1])
+    for column, (title, (controller, circuit, force)) in zip(axes.T, runs.items(), strict=True):
+        time_s, lines_mm, pitch_deg = _pushed_forward(controller, circuit, force)
+        for number, (name, line) in enumerate(lines_mm.items()):
+            curve(column[0], time_s, line, number, name)
+        curve(column[1], time_s, pitch_deg, 4, "")
+        column[0].axhline(99.4, color=GREY, linewidth=0.7)
+        column[0].set_title(title, fontsize=SMALL + 0.5)
+        for each in column:
+            each.axvspan(0.0, 0.2, color="#f6c945", alpha=0.35, linewidth=0)
+        column[1].set(xlabel="time from the push [s]", xlim=(-0.1, 0.9))
+    axes[0, 0].set(ylabel="forward of the ankles [mm]", ylim=(-60, 160))
+    axes[1, 0].set(ylabel="ankle pitch [°]", ylim=(-24, 24))
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _pushed_forward(controller: str, circuit: str, force: str) -> tuple[Array, dict[str, Array], Array]:
+    """Time [s], curves by name [mm] and pitch that the circuit adds [°], from 0.1 s before the push."""
+    push = {"pushes[0].direction": "forward", "pushes[0].duration": "0.2 s", "pushes[0].force": force}
+    who = {"controller": controller, "circuit": circuit}
+    plan = load_study("sagittal").point({"gait": "gait_march", **push, **who}).plan()
+    recording = run_loop(plan.setup(controller, [Trial(0, plan.scenario.pushes)]))
+    step_s = recording.walk.gait.control_step
+    first = round(float(recording.fates.windows_s[0, 0]) / step_s) - 10
+    rows = slice(first, first + 100)
+    com = recording.com_m[rows, 0, 0]
+    omega = natural_frequency(float(recording.com_m[first, 0, 2]))
+    lines = {
+        "ZMP by the force cells": recording.channel("zmp_x")[rows, 0] * MM,
+        "true centre of pressure": recording.centre_of_pressure_m[rows, 0, 0] * MM,
+        "capture point": (com + recording.com_velocity[rows, 0, 0] / omega) * MM,
+    }
+    pitch = recording.commands[rows, 0, 0] if recording.command_names else np.zeros(len(com))
+    return (np.arange(len(com)) - 10) * step_s, lines, np.degrees(pitch)
 
 
 def _moved_deg(program: Program, zmp_m: Array, force: Array | float) -> Array:
@@ -382,8 +430,49 @@ def conditioned_reflex() -> Figure:
     return figure
 
 
+def hand_over() -> Figure:
+    """Left: the loop of hysteresis. Right: a push to one side, and who acts."""
+    program = program_of("hand_over")
+    values = {name: value.value_si for name, value in resolve(load_circuit("hand_over")).parameters.items()}
+    limits = {"left_limit": 0.08, "right_limit": -0.06}
+    figure, ((left, right),) = sheet(1, 2, 2.9)
+    there = np.linspace(0.0, 0.09, 181)
+    way = np.concatenate([there, there[::-1]])
+    _, trace = traced(program, {"dcm_y": way, **{k: np.full(len(way), v) for k, v in limits.items()}})
+    share = trace.readout[:, 0, program.output_index["step_share_left"]]
+    half = len(there)
+    curve(left, way[:half] * MM, share[:half], 1, "on the way out")
+    curve(left, way[half:] * MM, share[half:], 0, "on the way back")
+    for inside in (0.0, values["margin"], values["margin"] + values["hold"]):
+        left.axvline((limits["left_limit"] - inside) * MM, color=GREY, linewidth=0.7)
+    left.set(xlabel="DCM, to the left [mm]", ylabel="step to the left")
+    left.legend(frameon=False, loc="center left")
+    time_s = np.arange(120) * program.step_s
+    dcm = (
+        0.02 + 0.07 * np.exp(-(((time_s - 0.35) / 0.15) ** 2)) - 0.07 * np.exp(-(((time_s - 0.9) / 0.1) ** 2))
+    )
+    held = {name: np.full(len(dcm), value) for name, value in limits.items()}
+    time_s, trace = traced(program, {"dcm_y": dcm, **held})
+    curve(right, time_s, dcm * MM, 0, "DCM")
+    for value in limits.values():
+        right.axhline(
+            value * MM, color=GREY, linewidth=0.7, label="what the ankles hold" if value > 0 else None
+        )
+    names = [("left", limits["left_limit"]), ("right", limits["right_limit"])]
+    for number, (name, height) in enumerate(names, start=1):
+        acts = trace.output[:, 0, program.neuron_index[name]] > 0
+        right.fill_between(
+            time_s, 0, height * MM, where=acts, step="pre", color=CYCLE[number], alpha=0.25,
+            hatch=("//", "..")[number - 1], linewidth=0, label=f"a step against a fall to the {name}",
+        )  # fmt: skip
+    right.set(xlabel="time [s]", ylabel="to the left [mm]", xlim=(0, 1.2), ylim=(-80, 180))
+    right.legend(frameon=False, loc="upper right")
+    return figure
+
+
 FIGURES = {
     "binn_sagittal": binn_sagittal,
+    "binn_sagittal_pushed": binn_sagittal_pushed,
     "binn_planar": binn_planar,
     "binn_omnidirectional": binn_omnidirectional,
     "matsuoka_half_centre": matsuoka_half_centre,
@@ -393,6 +482,7 @@ FIGURES = {
     "spiking_reflex": spiking_reflex,
     "ring_attractor": ring_attractor,
     "balanced_network": balanced_network,
+    "hand_over": hand_over,
     "conditioned_reflex": conditioned_reflex,
 }
 

@@ -16,6 +16,7 @@ from circuitkit.errors import InputError
 from circuitkit.gait.lipm import natural_frequency
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop
+from circuitkit.source import find_data_file
 
 OMEGA, DT = natural_frequency(0.27), 0.01
 FOOT, PERIOD = 0.059, 0.55  # where the ZMP is under each foot, and how long each carries
@@ -92,7 +93,14 @@ def test_what_is_inside_can_be_held_and_what_is_outside_cannot(seed, tick, beyon
 # --- the controller, told what to see -----------------------------------------------------------------------
 
 SINGLE = range(110, 150)  # ticks within the first single support: the left foot carries, the right one swings
-INTERNAL = {"reach_outward": "50 mm", "stretch": "50 %", "push_off": "50 %", "blend_back": "100 ms"}
+NUMBERS = {
+    "ankle_circuit": "binn_lateral",
+    "reach_outward": "50 mm",
+    "reach_inward": "0 mm",
+    "stretch": "50 %",
+    "push_off": "50 %",
+    "blend_back": "100 ms",
+}
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +113,7 @@ class Fed:
 
     def __init__(self, reference, batch=1, **changes):
         self.reference, self.batch, self.tick = reference, batch, 0
-        self.controller = load_controller("stepping", INTERNAL | changes).build(reference)
+        self.controller = load_controller("stepping", NUMBERS | changes).build(reference)
         self.controller.reset(batch)
         self.trace = np.zeros((batch, len(self.controller.trace_names)))
 
@@ -190,8 +198,21 @@ def test_the_leg_that_carries_pushes_off_on_its_own_side(reference):
     )  # the other foot could only come inward: by reach_inward, here 0
 
 
-def test_a_foot_keeps_its_place_while_it_carries_and_comes_back_in_its_next_swing(reference):
-    fed = Fed(reference)
+@pytest.fixture
+def quick_to_let_go(tmp_path):
+    """The shipped circuit with hardly any hysteresis, so that a single large error is a single step."""
+    shipped = find_data_file("hand_over", "circuits").as_posix()
+    path = tmp_path / "quick.yaml"
+    path.write_text(
+        f"circuit: quick\ncontrol_step: 10 ms\ntiming: ordered\ninclude: ['{shipped}']\n"
+        "parameters: {margin: 20 mm, hold: 1 mm}\n",
+        encoding="utf-8",
+    )
+    return str(path)
+
+
+def test_a_foot_keeps_its_place_while_it_carries_and_comes_back_in_its_next_swing(reference, quick_to_let_go):
+    fed = Fed(reference, hand_over=quick_to_let_go)
     fed.until(130)
     placed = fed.step(-0.2)["right_foot_y"]
     stays = fed.until(209)[
@@ -255,6 +276,20 @@ def test_undisturbed_it_walks_as_under_the_ankle_circuit_alone():
     np.testing.assert_allclose(stepping.qpos, ankles.qpos, atol=1e-8)
     others = [i for i in range(len(stepping.command_names)) if i not in columns]
     assert not stepping.commands[..., others].any()
+
+
+@pytest.mark.parametrize(("direction", "force_n"), [("inward", 31.0), ("outward", 13.5)])
+def test_a_push_that_fells_the_ankles_alone_is_survived_with_a_step(direction, force_n):
+    push = a_push(force=force_n, direction=direction, duration=0.2, step=2)
+    plan = plan_of(load_controller("stepping").ankle_circuit, duration=6.5, pushes=(push,))
+    alone, stepping = walk_alone(plan, "circuit"), walk_alone(plan, "stepping")
+    assert alone.ticks < plan.walk.ticks, "it fell"
+    assert stepping.ticks == plan.walk.ticks, "it stands"
+    side = stepping.trace_names.index("step_share_left" if direction == "outward" else "step_share_right")
+    acting = np.flatnonzero(stepping.trace[:, 0, side])
+    begin = stepping.fates.windows_s[0, 0] / 0.01
+    assert begin < acting[0] < begin + 15
+    assert stepping.commands[-1, 0, -4:] == pytest.approx(0.0, abs=0.02), "the feet came back"
 
 
 def test_every_robot_of_a_batch_gets_the_bits_that_it_gets_alone():
