@@ -46,6 +46,9 @@ def design(
     step: Annotated[
         str | None, _quantity("--step", "Time between two steps of the circuit; by default 10ms.")
     ] = None,
+    leak: Annotated[
+        str | None, _quantity("--leak", "Part of the angle that is lost in a step; by default none.")
+    ] = None,
     mass: Annotated[str | None, _quantity("--mass", "Of the robot; by default 5.18kg.")] = None,
     com_height: Annotated[
         str | None, _quantity("--com-height", "Of the centre of mass; by default 270mm.")
@@ -111,6 +114,7 @@ def design(
         weight_rad=_read("--w", weight, "rad", "1.63 deg", most="90 deg"),
         gamma=_read("--gamma", gamma, "1", "1.01"),
         step_s=_read("--step", step, "s", "10 ms"),
+        leak=_read("--leak", leak, "1", "5 %", zero=True, most="100 %"),
         push_height_m=_read("--push-height", push_height, "m", "368 mm"),
     )
     if output is not None:

@@ -12,6 +12,8 @@ import math
 from circuitkit.errors import InputError, Problem
 from circuitkit.gait.lipm import GRAVITY_M_S2, largest_push_force, natural_frequency
 
+_NO_LEAK = 1e-15  # below it, one minus the leak is one
+
 
 def require_positive(**values: float) -> None:
     """Refuse numbers that are not positive and finite.
@@ -239,6 +241,29 @@ def weight_against_push(
     """
     velocity = com_velocity_against_push(force_n, duration_s, mass_kg, gamma)
     return weight_from_com_shift(com_shift_from_velocity(velocity, step_s), com_height_m)
+
+
+def angle_after_steps(weight_rad: float, steps: float, leak: float = 0.0) -> float:
+    """Theta = w (1 - (1 - l)^n) / l, in radians: what the increments of n steps add up to (eqs. 14 and 15).
+
+    Valid for a neuron that is fully active all the while. The leak l, the part of the angle that is lost in a
+    step, is not in the paper; without it the sum is n w, with it the angle ends at w / l.
+
+    Args:
+        weight_rad: w.
+        steps: n; a duration over t_step.
+        leak: l, from 0 to 1.
+
+    Raises:
+        InputError: The number of steps is negative, or the leak is outside 0 to 1.
+    """
+    require_not_negative(steps=steps, leak=leak)
+    if leak > 1:
+        raise InputError(Problem("", 0, 0, "leak", f"found {leak:g}; allowed: 0 to 1"))
+    if leak < _NO_LEAK:
+        return weight_rad * steps
+    kept = math.expm1(steps * math.log1p(-leak)) if leak < 1 else -float(steps > 0)
+    return weight_rad * -kept / leak
 
 
 def force_for_weight(

@@ -124,6 +124,7 @@ class Sheet:
         weight_rad: w, in a step (eq. 21).
         gamma: The safety factor.
         step_s: t_step.
+        leak: Part of the angle that is lost in a step.
         push_height_m: Where the push acts, above the floor.
         com_velocity: What the ankles must give to the CoM, [m/s] (eq. 19).
         com_shift_m: How far the CoM must shift in a step (eqs. 16 and 20).
@@ -140,6 +141,7 @@ class Sheet:
     weight_rad: float
     gamma: float
     step_s: float
+    leak: float
     push_height_m: float
     com_velocity: float
     com_shift_m: float
@@ -163,6 +165,7 @@ def make_sheet(
     weight_rad: float | None = None,
     gamma: float | None = None,
     step_s: float | None = None,
+    leak: float | None = None,
     push_height_m: float | None = None,
 ) -> Sheet:
     """Work out the third of force, duration and w from two of them (eq. 21), and all that goes with it.
@@ -175,6 +178,7 @@ def make_sheet(
         weight_rad: w, in a step.
         gamma: The safety factor; that of the paper's Fig. 7 if None.
         step_s: t_step; the paper's if None.
+        leak: Part of the angle that is lost in a step; none, as in the paper, if None.
         push_height_m: Where the push acts, above the floor; if None on the torso, or at the CoM where the
             torso's height is not known. Eq. 21 does not ask.
 
@@ -203,12 +207,13 @@ def make_sheet(
         weight_rad=weight,
         gamma=gamma,
         step_s=step_s,
+        leak=leak or 0.0,
         push_height_m=push_height_m,
         com_velocity=velocity,
         com_shift_m=shift,
         weight_by_lever_rad=_weight_by_lever(body, shift),
         bounds=bounds,
-        checks=tuple(_checks(body, duration, weight, shift, step_s)),
+        checks=tuple(_checks(body, duration, weight, shift, step_s, leak or 0.0)),
         traps=tuple(_traps(body, weight, push_height_m)),
     )
 
@@ -263,7 +268,7 @@ def _weight_by_lever(body: Body, shift_m: float) -> float | None:
 
 
 def _checks(
-    body: Body, duration_s: float, weight_rad: float, shift_m: float, step_s: float
+    body: Body, duration_s: float, weight_rad: float, shift_m: float, step_s: float, leak: float
 ) -> Iterator[Check]:
     """The conditions under which eq. 21 means what it says."""
     yield Check(
@@ -278,10 +283,9 @@ def _checks(
         f"{shift_m / body.com_height_m:.3g}",
         shift_m <= body.com_height_m,
     )
-    steps = math.floor(body.ankle_limit_rad / weight_rad + _EXACTLY)
-    reached = weight_rad * duration_s / step_s
+    reached = eq.angle_after_steps(weight_rad, duration_s / step_s, leak)
     met = reached <= body.ankle_limit_rad * (1 + _EXACTLY)
-    after = "" if met else f"; the limit comes after {show(steps * step_s, 's')}"
+    after = "" if met else f"; the limit comes after {show(_until(body, weight_rad, leak) * step_s, 's')}"
     yield Check(
         "the ankle's range, p fully active all the while",
         f"up to {show(body.ankle_limit_rad, 'rad')}",
@@ -296,6 +300,14 @@ def _checks(
             show(speed, "rad/s"),
             speed <= body.joint_speed_rad_s,
         )
+
+
+def _until(body: Body, weight_rad: float, leak: float) -> int:
+    """Whole steps within the ankle's range, for an angle that leaves it: w (1 - (1 - l)^n) / l is its end."""
+    steps = body.ankle_limit_rad / weight_rad
+    if leak > 0:
+        steps = math.log1p(-leak * steps) / math.log1p(-leak) if leak < 1 else 0.0
+    return math.floor(steps + _EXACTLY)
 
 
 def _traps(body: Body, weight_rad: float, push_height_m: float) -> Iterator[str]:
@@ -337,8 +349,9 @@ def _traps(body: Body, weight_rad: float, push_height_m: float) -> Iterator[str]
             "what it would be at the height of the CoM, while the torso is kept upright."
         )
     yield (
-        "Eq. 21 has no sign: eq. 14 as printed moves the body away from the violated edge, a negative w "
-        "towards it, as in binn_lateral_tuned; try both on the robot."
+        "Eq. 21 has no sign. A network that reads the ZMP holds with a negative w, towards the violated edge "
+        "(binn_lateral_tuned), one that reads the capture point with the sign of eq. 14 "
+        "(binn_lateral_capture); try both on the robot."
     )
 
 

@@ -180,6 +180,21 @@ def test_a_push_above_the_com_is_as_hard_as_its_moment_says(duration, push_heigh
     assert y + velocity / omega == pytest.approx(0.0, abs=1e-7)
 
 
+@given(st.floats(0.001, 0.1), st.integers(0, 60), st.floats(0.0, 1.0))
+def test_increments_add_up_as_the_circuit_s_integrator_has_it(weight, steps, leak):
+    """theta+ = (1 - l) theta + w, step by step."""
+    angle = 0.0
+    for _ in range(steps):
+        angle = (1 - leak) * angle + weight
+    assert eq.angle_after_steps(weight, steps, leak) == pytest.approx(angle, rel=1e-6, abs=1e-12)
+
+
+def test_an_angle_that_leaks_ends_at_w_over_the_leak():
+    assert eq.angle_after_steps(0.01, 5000, 0.04) == pytest.approx(0.25)
+    with pytest.raises(InputError, match=r"^leak: found 1\.5; allowed: 0 to 1$"):
+        eq.angle_after_steps(0.01, 5, 1.5)
+
+
 # What is refused.
 
 

@@ -65,6 +65,17 @@ def test_the_angle_reaches_the_ankles_limit_exactly():
     assert not unmet(sheet)  # 20 steps of 1.1 degrees are 22 degrees
 
 
+def test_a_leak_takes_the_angle_back():
+    """1.655 degrees with a leak of 5 % add up to (1 - 0.95^20) / 0.05 = 12.8 of them, not to 20."""
+    check = make_sheet(force_n=20.0, duration_s=0.2, leak=0.05).checks[2]
+    assert (check.found, check.met) == ("21.24 deg", True)
+    longer = make_sheet(force_n=20.0, duration_s=0.25, leak=0.05).checks[2]
+    assert not longer.met
+    assert longer.found.endswith(
+        "the limit comes after 140 ms"
+    )  # 14 of 2.069 degrees make 21.2, 15 make 22.2
+
+
 def test_a_joint_that_is_too_slow():
     slow = replace(PAPER_BODY, joint_speed_rad_s=math.radians(150.0))
     assert "the ankle's speed" in unmet(make_sheet(slow, force_n=20.0, duration_s=0.2))  # 165.5 deg/s

@@ -232,9 +232,10 @@ def _claims_of_runs(planes: Mapping[str, Plane], seeds: int) -> Iterator[Claim]:
         f"{above:.0%} of the runs above survive, {below:.0%} of those below",
         f"{runs}, w > 0 as eq. 14 is printed",
         all_hold(above > 1 - _WITHIN, below < _WITHIN),
-        "Eq. 21 knows neither that the angle must return nor that the foot may tip, and eq. 14 as printed "
-        "leans the body away where the ground could push it back. With the other sign it is "
-        f"{towards:.0%} above the line; small w hold most (decision 10).",
+        "Eq. 21 knows neither that the angle must return nor that the foot may tip. A network that reads the "
+        "ZMP and presses against the push drives it further to the edge and never lets go (decision 19); "
+        "with the other sign, which yields, it is "
+        f"{towards:.0%} above the line, and small w hold most.",
         "section 4.2, Fig. 7",
     )
     best = {direction: plane.largest_n(plane.best) for direction, plane in planes.items()}
