@@ -10,8 +10,17 @@ import pytest
 from circuitkit.source import shipped_names
 
 DOCS = Path(__file__).parents[2] / "docs"
-OF_THE_README = {"binn_lateral", "binn_lateral_tuned"}
-NAMES = [name for name in shipped_names("circuits") if name not in OF_THE_README]
+SHIPPED = shipped_names("circuits")
+OF_THE_README = "binn_lateral"
+
+
+def family_of(name):
+    """The shipped circuit that it is a variant of: of binn_sagittal_tuned, binn_sagittal; or itself."""
+    return min((each for each in SHIPPED if f"{name}_".startswith(f"{each}_")), key=len)
+
+
+NAMES = [name for name in SHIPPED if family_of(name) == name != OF_THE_README]
+VARIANTS = [name for name in SHIPPED if family_of(name) not in {name, OF_THE_README}]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -25,6 +34,15 @@ def test_it_has_a_page_with_its_picture_its_source_and_how_to_run_it(name):
     assert f"[{name}]({name}.md)" in (DOCS / "circuits" / "README.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_variant_has_a_part_of_its_family_s_page(name):
+    page = (DOCS / "circuits" / f"{family_of(name)}.md").read_text(encoding="utf-8")
+    heading = next(line for line in page.splitlines() if line.startswith("## ") and f"`{name}`" in line)
+    assert f"](../../circuits/{name}.yaml)" in page[page.index(heading) :]
+    assert f"`{name}`" in (DOCS / "circuits" / "README.md").read_text(encoding="utf-8")
+
+
 def test_every_picture_is_drawn_by_the_code():
     figures = runpy.run_path(str(DOCS / "circuit_pictures.py"))["FIGURES"]
-    assert sorted(figures) == sorted(NAMES)
+    assert sorted(figures) == sorted(path.stem for path in (DOCS / "circuits" / "img").iterdir())
+    assert set(NAMES) <= set(figures)
