@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import Field, field_validator
@@ -52,11 +52,13 @@ class Case:
         cell: Which combination of the axes it is: the value of each as it was written.
         factor: By what the scaled field is multiplied; 1 without a scale.
         settings: Fields of the scenario by path.
+        places: Where in the file each of them is set.
     """
 
     cell: Mapping[str, str]
     factor: float
     settings: Settings
+    places: Mapping[str, Place] = field(default_factory=dict)
 
     @property
     def cell_key(self) -> tuple[tuple[str, str], ...]:
@@ -102,13 +104,14 @@ def make_runs(name: str, spec: RunSet, seeds: Seeds, document: Document, place: 
     study = _study(name, spec, seeds, document, place)
     cases = []
     for cell in study.cells:
-        for field, factors in spec.scale.items():
+        places = {path: (*place, *inner) for path, inner in cell.places.items()}
+        for path, factors in spec.scale.items():
             given = {**study.file.set, **cell.settings}
-            scaled = [_scaled(given, field, factor, document, place) for factor in factors]
-            settings = [{**cell.settings, field: text} for text in scaled]
-            cases += [Case(cell.texts, *each) for each in zip(factors, settings, strict=True)]
+            for factor in factors:
+                settings = {**cell.settings, path: _scaled(given, path, factor, document, place)}
+                cases.append(Case(cell.texts, factor, settings, {path: (*place, "scale", path)} | places))
         if not spec.scale:
-            cases.append(Case(cell.texts, 1.0, cell.settings))
+            cases.append(Case(cell.texts, 1.0, cell.settings, places))
     return Runs(name, study, tuple(cases), seeds.each())
 
 
@@ -129,16 +132,16 @@ def _study(name: str, spec: RunSet, seeds: Seeds, document: Document, place: Pla
     return Study(validate_model(own, StudyFile), own)
 
 
-def _scaled(settings: Settings, field: str, factor: float, document: Document, place: Place) -> str:
+def _scaled(settings: Settings, path: str, factor: float, document: Document, place: Place) -> str:
     """A factor times the value of a field, in its unit."""
-    at = (*place, "scale", field)
-    if field not in settings:
-        message = f"nothing gives '{field}' a value; allowed: a field that stands in set or in an axis"
+    at = (*place, "scale", path)
+    if path not in settings:
+        message = f"nothing gives '{path}' a value; allowed: a field that stands in set or in an axis"
         raise InputError(document.problem(at, message, at_key=True))
     try:
-        quantity = parse_quantity(str(settings[field]))
+        quantity = parse_quantity(str(settings[path]))
     except UnitError as error:
-        raise InputError(document.problem(at, f"cannot scale '{field}': {error}", at_key=True)) from error
+        raise InputError(document.problem(at, f"cannot scale '{path}': {error}", at_key=True)) from error
     return format_quantity(factor * quantity.value_si, quantity.unit, _DIGITS)
 
 

@@ -18,7 +18,7 @@ from circuitkit.circuit.load import FOLDER
 from circuitkit.circuit.spec import CircuitSpec
 from circuitkit.control.spec import FOLDER as CONTROLLERS
 from circuitkit.errors import CircuitkitError, InputError
-from circuitkit.files import write_text
+from circuitkit.files import OutputError, reason, write_text
 from circuitkit.source import dump_yaml, find_data_file
 from circuitkit.study.tuning.cases import in_words
 from circuitkit.study.tuning.objective import Score, Term
@@ -28,7 +28,7 @@ from circuitkit.study.tuning.spec import TuneSpec, Tuning
 
 _WIDTH = 110
 _SCHEMA = "circuit.schema.json"
-FOLDERS = {"controller": CONTROLLERS, "gait": "sims"}
+FOLDERS = {"controller": CONTROLLERS, "gait": "sims/gaits"}
 
 
 class ResultError(CircuitkitError):
@@ -49,6 +49,7 @@ def write_result(tuning: Tuning, values: Mapping[str, str], comment: Sequence[st
         OutputError: It cannot be written.
     """
     target = tuning.spec.target
+    make_folder(path.parent)
     if target == "circuit":
         text = _circuit_text(tuning, values, comment, path)
     else:
@@ -56,6 +57,19 @@ def write_result(tuning: Tuning, values: Mapping[str, str], comment: Sequence[st
         text = changed_file(base, {target: tuning.spec.result, **values}, comment)
     write_text(path, text)
     return path
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, if it is not there.
+
+    Raises:
+        OutputError: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"cannot write to '{folder}': {reason(error)}"
+        raise OutputError(message) from error
 
 
 def _circuit_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[str], path: Path) -> str:

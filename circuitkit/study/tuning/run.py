@@ -11,16 +11,15 @@ from typing import Any
 
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.errors import CircuitkitError, InputError, Problem, UnitError
-from circuitkit.files import OutputError
 from circuitkit.source import Data, Place, find_data_file, read_yaml
 from circuitkit.study.driver import run_points
 from circuitkit.study.jobs import Outcome
 from circuitkit.study.points import fingerprint
 from circuitkit.study.pool import Pool, open_pool
-from circuitkit.study.tuning.cases import Runs
+from circuitkit.study.tuning.cases import Case, Runs
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.objective import Row, Score, score
-from circuitkit.study.tuning.result import FOLDERS, provenance, write_result
+from circuitkit.study.tuning.result import FOLDERS, make_folder, provenance, write_result
 from circuitkit.study.tuning.search import Candidate, Found, Search, Told, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
 from circuitkit.units import format_quantity
@@ -177,11 +176,7 @@ def _chosen(
 
 def _database(folder: Path) -> str:
     """The URL of the database in a folder, which is made."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"cannot write to '{folder}': {error.strerror}"
-        raise OutputError(message) from error
+    make_folder(folder)
     return f"sqlite:///{folder.resolve() / 'trials.db'}"
 
 
@@ -345,25 +340,27 @@ def check(tuning: Tuning, runs: Sequence[Runs]) -> None:
             try:
                 each.study.point({**case.settings, **tuning.settings({})})
             except InputError as error:
-                problems += [_placed(tuning, problem, ("tune", spec.target)) for problem in error.problems]
+                problems += [_placed(tuning, case, problem) for problem in error.problems]
     for name, searched in () if problems else spec.parameters.items():
         ends = searched.choices or (searched.low, searched.high)
         for text in map(str, ends):
             try:
                 runs[0].study.point({**runs[0].cases[0].settings, **tuning.settings({name: text})})
             except InputError as error:
-                at_key = any(not problem.file for problem in error.problems)
                 found = error.problems[0]
+                at_key = found.message.startswith("unknown")
                 place: Place = ("tune", "parameters", name)
                 problems.append(document.problem(place, found.message, found.hint, at_key=at_key))
                 break
     if problems:
-        unique = dict.fromkeys(problems)
-        raise InputError(*sorted(unique, key=lambda each: (each.file, each.line, each.column)))
+        first = {(problem.file, problem.line, problem.column): problem for problem in reversed(problems)}
+        raise InputError(*sorted(first.values(), key=lambda each: (each.file, each.line, each.column)))
 
 
-def _placed(tuning: Tuning, problem: Problem, place: Place) -> Problem:
+def _placed(tuning: Tuning, case: Case, problem: Problem) -> Problem:
     """A problem with a place in the file of the tuning, if it has none of its own."""
     if problem.file:
         return problem
+    fallback: Place = ("tune", tuning.spec.target)
+    place = next((at for path, at in case.places.items() if problem.where.startswith(path)), fallback)
     return replace(tuning.document.problem(place, problem.message, problem.hint), where=problem.where)

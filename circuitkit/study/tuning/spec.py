@@ -24,6 +24,7 @@ from circuitkit.units import parse_quantity
 
 TARGETS = ("circuit", "controller", "gait")
 SEED = "seed"
+_LEAST = 4  # of fewer candidates CMA-ES learns nothing about how its ranges belong together
 TRAIN, TEST, CONFIRM = "train", "test", "confirm"
 
 
@@ -95,6 +96,9 @@ class TuneSpec(FileModel):
                 raise ValueError(message)
         if self.sampler == "cmaes" and (chosen := [k for k, v in self.parameters.items() if v.choices]):
             message = f"found choices for {', '.join(chosen)}; allowed: ranges only, or the sampler tpe"
+            raise ValueError(message)
+        if self.sampler == "cmaes" and (self.generation or _LEAST) < _LEAST:
+            message = f"found a generation of {self.generation} for cmaes; allowed: {_LEAST} or more"
             raise ValueError(message)
         return self
 

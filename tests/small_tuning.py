@@ -1,0 +1,42 @@
+"""The text of a small tuning, and changed copies of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+SMALL = """\
+study: small
+scenario: nao_push
+set: {gait: gait_march, "pushes[0].start.step": 4, "pushes[0].direction": outward}
+watch: 1 s
+tune:
+  circuit: binn_lateral_tuned
+  parameters:
+    w: {from: -2 deg, to: -0.1 deg, log: true}
+    leak: {from: 1 %, to: 20 %}
+  start: {leak: 5 %}
+  maximise:
+    - {figure: survived, runs: pushed}
+    - {figure: rms_ankle_roll, runs: calm, weight: -0.2, unit: deg, beyond: 0.1 deg}
+  runs:
+    pushed:
+      axes: {"pushes[0].force": [10 N]}
+      scale: {"pushes[0].force": [60 %, 90 %, 120 %]}
+    calm: {set: {pushes: [], duration: 3 s}}
+  train: {seeds: {first: 100, count: 1}}
+  test: {seeds: {first: 0, count: 1}}
+  sampler: tpe
+  generation: 2
+  trials: 3
+  result: small_tuned
+"""
+
+
+def written(folder: Path, *changes: tuple[str, str], text: str = SMALL) -> Path:
+    """The file of a tuning with some words changed."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "small.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path

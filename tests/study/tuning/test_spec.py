@@ -1,0 +1,142 @@
+"""The file of a tuning: what is read, and what is refused where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from small_tuning import SMALL, written
+
+from circuitkit.errors import InputError
+from circuitkit.study.tuning.run import check
+from circuitkit.study.tuning.spec import load_tuning
+
+
+def checked(path: Path) -> None:
+    tuning = load_tuning(path)
+    check(tuning, tuning.runs("train"))
+
+
+def refusal(folder: Path, *changes: tuple[str, str], text: str = SMALL) -> tuple[str, str]:
+    """What is said of a file in which a ¦ stands where the complaint should point; and the place of the ¦."""
+    path = written(folder, *changes, text=text)
+    marked = path.read_text(encoding="utf-8")
+    before = marked.partition("¦")[0]
+    line, column = before.count("\n") + 1, len(before.rpartition("\n")[2]) + 1
+    path.write_text(marked.replace("¦", ""), encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        checked(path)
+    return str(refused.value), f"{path}:{line}:{column}: "
+
+
+def test_cases_are_the_axes_times_the_scale(tmp_path):
+    tuning = load_tuning(written(tmp_path))
+    pushed, calm = tuning.runs("train")
+    assert [case.settings["pushes[0].force"] for case in pushed.cases] == ["6 N", "9 N", "12 N"]
+    assert {case.cell_key for case in pushed.cases} == {(("pushes[0].force", "10 N"),)}
+    assert [case.factor for case in pushed.cases] == [0.6, 0.9, 1.2]
+    assert pushed.seeds == range(100, 101)
+    assert [case.settings for case in calm.cases] == [{}]
+    point = calm.study.point(tuning.settings({"w": "-1 deg"}))
+    assert point.scenario.pushes == ()
+    assert point.scenario.duration == 3.0
+    assert point.scenario.gait == "gait_march"
+    assert point.circuit.parameters["w"].value_si == pytest.approx(-0.0174532925)
+
+
+def test_seeds_of_the_test_that_are_trained_on_are_refused(tmp_path):
+    told, place = refusal(
+        tmp_path, ("test: {seeds: {first: 0, count: 1}", "test: {seeds: ¦{first: 95, count: 10}")
+    )
+    common = "the seeds 95 to 104 of test and 100 of train have 100 in common; allowed: seeds of its own"
+    assert told == f"{place}tune.test.seeds: {common}"
+
+
+def test_seeds_of_the_confirmation_are_its_own_too(tmp_path):
+    told, place = refusal(tmp_path, ("  test:", "  confirm: {seeds: ¦{first: 100, count: 3}}\n  test:"))
+    assert told.startswith(f"{place}tune.confirm.seeds: ")
+
+
+def test_directions_that_are_to_be_apart_may_not_occur_in_both(tmp_path):
+    told, place = refusal(tmp_path, ("  generation: 2", '  apart: [¦"pushes[0].direction"]'))
+    assert told == (
+        f"{place}tune.apart[0]: 'pushes[0].direction' is outward in train and in the test; "
+        "allowed: other values in the test, by test: {runs: ...}"
+    )
+    tested = 'pushed: {set: {"pushes[0].direction": inward}}, calm: {set: {"pushes[0].direction": left}}'
+    seeds = "seeds: {first: 0, count: 1}"
+    apart = ("  generation: 2", '  apart: ["pushes[0].direction"]'), (seeds, f"{seeds}, runs: {{{tested}}}")
+    tuning = load_tuning(written(tmp_path, *apart))
+    assert tuning.runs("test")[0].study.file.set["pushes[0].direction"] == "inward"
+
+
+def test_equal_quantities_are_equal_however_they_are_written(tmp_path):
+    durations = '{axes: {"pushes[0].duration": [100 ms, 0.2 s]}}'
+    seeds = "seeds: {first: 0, count: 1}"
+    told, place = refusal(
+        tmp_path,
+        ("  generation: 2", '  apart: [¦"pushes[0].duration"]'),
+        ('{"pushes[0].force": [10 N]}', '{"pushes[0].force": [10 N], "pushes[0].duration": [0.1 s]}'),
+        (seeds, f"{seeds}, runs: {{pushed: {durations}}}"),
+    )
+    assert told.startswith(f"{place}tune.apart[0]: 'pushes[0].duration' is 0.1 s in train and in the test")
+
+
+FORCE = '"pushes[0].force"'
+MISTAKES = [
+    (("    w: {", "    ¦ww: {"), "unknown name 'ww'; allowed: "),
+    (("    leak: {", "    w2: ¦{from: 1 deg, to: 2 mm}\n    leak: {"), "allowed: one dimension"),
+    (("w: {from: -2 deg, to: -0.1 deg", "w: ¦{from: -2 m, to: -1 m"), "found -2 m (length); allowed: angle"),
+    (("{leak: 5 %}", "{leak: ¦50 %}"), "found 50 %; allowed: 1 % to 20 %"),
+    (("{leak: 5 %}", "{¦lek: 5 %}"), "'lek' is not searched; allowed: w, leak; did you mean 'leak'?"),
+    (("runs: pushed", "runs: ¦pused"), "unknown runs 'pused'; allowed: pushed, calm; did you mean 'pushed'?"),
+    (("{figure: survived, runs: pushed", "¦{figure: survived"), "found several sets of runs"),
+    (("survived, runs: pushed", "¦limit, runs: calm"), "found the figure limit of runs without a scale"),
+    (
+        (f"scale: {{{FORCE}: [60 %, 90 %, 120 %]}}", f"scale: ¦{{{FORCE}: [90 %, 60 %]}}"),
+        "factors out of order",
+    ),
+    ((f"scale: {{{FORCE}", 'scale: {¦"pushes[0].durtion"'), "nothing gives 'pushes[0].durtion' a value"),
+    ((f"{FORCE}: [10 N]", f"{FORCE}: [¦10 mm]"), "found '6 mm', which is length"),
+    ((f"axes: {{{FORCE}", f'axes: {{"pushes[0].farce": [¦9 N], {FORCE}'), "unknown key 'farce'"),
+    (("calm: {set: {pushes: []", "calm: {set: {pushes: ¦no"), "found 'no'; allowed: a list"),
+    (("circuit: binn_lateral_tuned", "circuit: ¦binn_lateral_tuend"), "did you mean 'binn_lateral_tuned'?"),
+    (("result: small_tuned", "result: ¦small tuned"), "found 'small tuned'"),
+    (
+        ("tune:\n  circuit: binn_lateral_tuned", "tune:\n  ¦gait: gait_march\n  circuit: binn_lateral_tuned"),
+        "one of",
+    ),
+    (("generation: 2", "generation: ¦1"), "found 1; allowed: at least 2"),
+    (("tune:\n", "tune:\n  ¦spread: 0.2\n"), "found a generation of 2 for cmaes; allowed: 4 or more"),
+    (("tune:\n", "tune:\n  ¦seed: 0\n"), "choices for leak; allowed: ranges only, or the sampler tpe"),
+    (("study: small", "study: small\n¦sampler: x"), "unknown key 'sampler'"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), MISTAKES, ids=[message for _, message in MISTAKES])
+def test_mistakes_are_told_where_they_stand(tmp_path, change, message):
+    text = SMALL.replace("tpe", "cmaes") if "cmaes" in message or "choices" in message else SMALL
+    if "choices" in message:
+        text = text.replace("{from: 1 %, to: 20 %}", "{choices: [1, 2]}").replace(
+            "generation: 2", "spread: 0.2"
+        )
+    told, place = refusal(tmp_path, change, text=text)
+    assert told.splitlines()[0].startswith(place), told
+    assert message in told
+
+
+def test_a_study_without_the_section_is_told_so(tmp_path):
+    told, _ = refusal(tmp_path, text="¦study: small\nscenario: nao_push\nseeds: {count: 1}\n")
+    assert "the study has no section 'tune'" in told
+
+
+def test_the_definition_is_what_the_objective_depends_on(tmp_path):
+    first = load_tuning(written(tmp_path)).definition()
+    same = written(
+        tmp_path, ("trials: 3", "trials: 9"), ("study: small", "study: small\ndescription: Words.")
+    )
+    assert load_tuning(same).definition() == first
+    other = written(tmp_path, ("weight: -0.2", "weight: -0.3"))
+    assert load_tuning(other).definition() != first
+    assert "small_tuned" in SMALL
+    assert "small_tuned" not in first
