@@ -47,14 +47,40 @@ class ComFeedback:
         position, velocity = self._sensed.read(tick, observation)
         return position - self._com[tick], velocity - self._velocity[tick]
 
+    def reset(self, batch: int) -> None:
+        """Start again; there is nothing to remember."""
+
+    def correction(
+        self,
+        tick: int,
+        observation: Array,
+        position: Array,
+        velocity: Array,
+        command: Array,  # noqa: ARG002 - whoever sees the CoM need not know what was commanded
+    ) -> tuple[Array, Array]:
+        """What is sensed less what is thought.
+
+        Args:
+            tick: Of the walk.
+            observation: Channels.
+            position: Deviation from the undisturbed walk as it is thought; shape (B, axes), [m].
+            velocity: The same; shape (B, axes), [m/s].
+            command: Of the ankles since the tick before; shape (B, axes), [rad].
+
+        Returns:
+            Of position, [m], and velocity, [m/s]; each of shape (B, axes).
+        """
+        sensed, speed = self.read(tick, observation)
+        return sensed - position, speed - velocity
+
 
 class AngleFeedback:
     """The CoM as NAO's own walk senses it: by the angles of the legs, the support foot taken as flat.
 
     Eq. 3 turned round: the ankle's angle theta shifts the hip by L_sl sin(theta), the CoM by k times that.
-    The deviation is from the angle that the servo has without a disturbance: theta' = (target - theta) / tau,
-    tau its damping over its stiffness, target the walk's own angle. A foot that tips goes unnoticed, as do a
-    velocity and whatever the servos hold against.
+    What counts is by how much the angle gives, beside the one that the servo has without a disturbance:
+    theta' = (target - theta) / tau, tau its damping over its stiffness, target the walk's angle and the own
+    lean. A foot that tips goes unnoticed, as do a velocity and whatever the servos hold against.
     """
 
     def __init__(self, reference: WalkReference, axes: Sequence[CommandAxis]) -> None:
@@ -63,21 +89,34 @@ class AngleFeedback:
         self.observations = tuple(joints)
         self._scale = np.array([axis.sign * reference.com_per_lean_m() for axis in axes])
         self._left = reference.schedule.left_load
-        plan = reference.joint_angles(joints)
-        lag = np.repeat([reference.body.lag_s[axis.column] for axis in axes], 2)
-        self._expected = np.sin(_lagged(plan, lag, reference.step_s))
+        lag = np.array([reference.body.lag_s[axis.column] for axis in axes])
+        self._keep = np.exp(-reference.step_s / lag)
+        self._expected = _lagged(reference.joint_angles(joints), np.repeat(self._keep, 2))
+        self.reset(1)
 
-    def read(self, tick: int, observation: Array) -> tuple[Array, Array]:
-        """Deviation of position, [m], shape (B, axes); and no velocity."""
-        astray = np.sin(observation) - self._expected[tick]
+    def reset(self, batch: int) -> None:
+        """Start again, with `batch` robots."""
+        self._lean = np.zeros((batch, len(self._scale)))
+
+    def correction(
+        self,
+        tick: int,
+        observation: Array,
+        position: Array,
+        velocity: Array,  # noqa: ARG002 - no velocity is sensed
+        command: Array,
+    ) -> tuple[Array, Array]:
+        """By how much the CoM has shifted more than was commanded; see `ComFeedback.correction`."""
+        self._lean = command + self._keep * (self._lean - command)
+        expected = self._expected[tick] + np.repeat(self._lean, 2, axis=1)
+        given = np.sin(observation) - np.sin(expected)
         share = self._left[tick]
-        shift = self._scale * (share * astray[:, 0::2] + (1.0 - share) * astray[:, 1::2])
-        return shift, np.zeros_like(shift)
+        shift = self._scale * (share * given[:, 0::2] + (1.0 - share) * given[:, 1::2])
+        return shift, np.zeros_like(position)
 
 
-def _lagged(target: Array, lag_s: Array, step_s: float) -> Array:
+def _lagged(target: Array, keep: Array) -> Array:
     """What a first-order lag makes of a target that is held for a step, at the start of each step."""
-    keep = np.exp(-step_s / lag_s)
     angle = np.empty_like(target)
     angle[0] = target[0]
     for tick in range(1, len(target)):

@@ -126,12 +126,16 @@ class WieberMpc:
         """Start again, with `batch` robots."""
         self._tick = 0
         self._command = np.zeros((batch, len(self.commands)))
+        self._feedback.reset(batch)
         for pendulum in self._pendulums:
             pendulum.reset(batch)
 
     def step(self, observation: Array, trace: Array) -> Array:
         """The ankles' angles; shape (B, m), [rad]; what is wanted goes to `trace`."""
-        position, velocity = self._feedback.read(self._tick, observation)
+        thought = np.stack([pendulum.deviation() for pendulum in self._pendulums], axis=-1)
+        position, velocity = self._feedback.correction(
+            self._tick, observation, thought[0], thought[1], self._command
+        )
         there: NDArray[np.bool_] = np.all(np.isfinite(position + velocity), axis=1)
         for number, pendulum in enumerate(self._pendulums):
             if self._tick % self._stride == 0:
@@ -155,8 +159,8 @@ def _feedback(
 class _Pendulum:
     """The pendulums of one axis: one a robot, and a last one that nothing disturbs.
 
-    A pendulum's state is corrected by the sensed deviation from the undisturbed walk, with a gain each for
-    position and velocity; its acceleration is what the last jerks have made of it.
+    A pendulum's state is corrected by what is sensed, with a gain each for position and velocity; its
+    acceleration is what the last jerks have made of it.
     """
 
     def __init__(self, spec: WieberMpcSpec, reference: WalkReference, axis: CommandAxis) -> None:
@@ -197,19 +201,24 @@ class _Pendulum:
         self._state = np.tile(self._start, (batch + 1, 1))
         self._optimum = Jerk(np.zeros(batch + 1), np.zeros(batch + 1), np.zeros(batch + 1, dtype=bool))
 
+    def deviation(self) -> Array:
+        """Position and velocity less those of the undisturbed walk; shape (2, B)."""
+        deviation: Array = (self._state[:-1, :2] - self._state[-1, :2]).T
+        return deviation
+
     def update(self, tick: int, position: Array, velocity: Array, there: NDArray[np.bool_]) -> None:
         """Correct the states and solve.
 
         Args:
             tick: Of the walk.
-            position: Deviation of the CoM; shape (B,), [m].
-            velocity: Deviation of its velocity; shape (B,), [m/s].
+            position: By how much the CoM is further than thought; shape (B,), [m].
+            velocity: By how much it is faster; shape (B,), [m/s].
             there: Which robots' readings are numbers; shape (B,).
         """
         calm, robots = self._state[-1], self._state[:-1]
         gains = (self._spec.position_gain, self._spec.velocity_gain)
-        for k, (gain, sensed) in enumerate(zip(gains, (position, velocity), strict=True)):
-            robots[:, k] += np.where(there, gain * (calm[k] + sensed - robots[:, k]), 0.0)
+        for k, (gain, error) in enumerate(zip(gains, (position, velocity), strict=True)):
+            robots[:, k] += np.where(there, gain * error, 0.0)
         row = self._rows[tick]
         dcm = robots[:, 0] + robots[:, 1] / self._omega
         lost = np.abs(dcm - np.clip(dcm, self._low[row], self._high[row])) > _LOST_M

@@ -28,6 +28,11 @@ def test_the_true_com_is_compared_with_the_walk_as_it_is_known_to_be(reference):
     position, velocity = feedback.read(tick, np.array([sensed]))
     assert position[0, 0] == pytest.approx(0.004)
     assert velocity[0, 0] == pytest.approx(-0.02)
+    further, faster = feedback.correction(
+        tick, np.array([sensed]), position - 0.001, velocity + 0.01, velocity
+    )
+    assert further[0, 0] == pytest.approx(0.001)
+    assert faster[0, 0] == pytest.approx(-0.01)
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +52,20 @@ def lagging(reference):
 def test_a_servo_that_only_lags_is_no_deviation(reference, lagging):
     feedback = AngleFeedback(reference, LATERAL)
     assert feedback.observations == ("left_ankle_roll", "right_ankle_roll")
-    shifts = [feedback.read(tick, row[None])[0][0, 0] for tick, row in enumerate(lagging)]
-    np.testing.assert_allclose(shifts, 0.0, atol=2e-6)
+    none = np.zeros((1, 1))
+    shifts = [feedback.correction(tick, row[None], none, none, none)[0] for tick, row in enumerate(lagging)]
+    np.testing.assert_allclose(np.array(shifts), 0.0, atol=2e-6)
+
+
+def test_neither_is_the_lean_that_was_commanded(reference, lagging):
+    """A lean that is held comes in like any target: 1 - e^(-t / tau)."""
+    feedback = AngleFeedback(reference, LATERAL)
+    feedback.reset(1)
+    none, lean = np.zeros((1, 1)), np.full((1, 1), 0.02)
+    for tick in range(1, 30):
+        came = 0.02 * -np.expm1(-tick * reference.step_s / reference.body.lag_s[1])
+        shift, _ = feedback.correction(tick, lagging[tick : tick + 1] + came, none, none, lean)
+        assert shift[0, 0] == pytest.approx(0.0, abs=2e-6)
 
 
 def test_an_ankle_that_gives_shifts_the_com_by_eq_3(reference, lagging):
@@ -57,7 +74,8 @@ def test_an_ankle_that_gives_shifts_the_com_by_eq_3(reference, lagging):
     tick = step.first_tick + 5
     row = lagging[tick]
     moved = row + np.array([0.03, 0.2])  # the foot in the air does not matter
-    position, velocity = feedback.read(tick, moved[None])
+    none = np.zeros((1, 1))
+    position, velocity = feedback.correction(tick, moved[None], none, none, none)
     assert position[0, 0] == pytest.approx(
         reference.com_per_lean_m() * (np.sin(moved[0]) - np.sin(row[0])), abs=1e-6
     )
