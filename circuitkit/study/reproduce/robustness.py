@@ -133,7 +133,8 @@ def _draw(job: Job, ratios: Mapping[str, Ratios]) -> Picture:
 def _rows(axes: Axes, conditions: tuple[str, ...]) -> None:
     tidy(axes)
     rows = range(len(conditions))
-    axes.set(ylim=(len(conditions) - 0.4, -0.6), yticks=list(rows), yticklabels=list(conditions))
+    labels = [condition.replace(" -", " \N{MINUS SIGN}") for condition in conditions]
+    axes.set(ylim=(len(conditions) - 0.4, -0.6), yticks=list(rows), yticklabels=labels)
     axes.tick_params(axis="y", length=0)
     axes.axvline(1.0, color=INK, linewidth=0.9, linestyle="--", label="no gain")
     axes.axhline(0.5, color=GREY, linewidth=0.6)  # the nominal condition stands apart
@@ -163,5 +164,5 @@ def _forces(axes: Axes, ratios: Mapping[str, Ratios]) -> None:
     first = next(iter(ratios.values()))
     axes.annotate("[N]", (1.0, -0.9), **{**beside, "fontsize": NORMAL - 1})
     for row, (condition, ratio) in enumerate(first.items()):
-        ours = " / ".join(plain(own[condition].mine) for own in ratios.values())
-        axes.annotate(f"{plain(ratio.theirs)} → {ours}", (1.0, row), **beside)
+        ours = " / ".join(f"{own[condition].mine:.1f}" for own in ratios.values())
+        axes.annotate(f"{ratio.theirs:.1f} → {ours}", (1.0, row), **beside)
