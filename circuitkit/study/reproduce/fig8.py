@@ -108,7 +108,7 @@ def run(job: Job) -> Finding:
 _TEXT = """
 A step of the network is eqs. 11 and 12 for all 11 neurons and the output, called from Python with other
 inputs each time: by generated C, and by the numpy backend, which needs no compiler. The MPC's solve is one
-quadratic program of 75 ZMPs with bounds, from states that pushes have moved off the walk, by daqp with all
+quadratic program of the ZMPs ahead with their bounds, from states that pushes have moved off the walk, by daqp with all
 that does not change factorised beforehand. All take turns on one core; counted is the processor's time. The
 other methods that the paper quotes plan whole motions of whole bodies; their times are theirs, and no measure
 of an MPC for the CoM.
@@ -216,7 +216,7 @@ def _claims(alone: Mapping[str, Times]) -> tuple[Claim, ...]:
             source="section 5.1, Fig. 8",
         ),
         Claim(
-            "... and beside that of the MPC that it is compared with",
+            "The time is negligible beside that of the MPC that it is compared with",
             "-",
             f"a solve takes {_ms(solve.mean_s)}: {solve.mean_s / compiled.mean_s:.0f} × a step in C, "
             f"{solve.mean_s / numpy.mean_s:.0f} × one in numpy",
@@ -272,7 +272,7 @@ def _table_loop(loop: Mapping[str, Times], runs: int) -> Table:
     headings = ("controller", ">mean of a control step", ">part of its 10 ms")
     caption = (
         f"Whole controllers in closed loop with the pushed robot, {runs} runs: reading the sensors' "
-        "channels, computing, writing the command. The MPC is solved in every second step, for the robot and "
+        "channels, computing, writing the command. The MPC is solved once a preview step, for the robot and "
         "for its undisturbed twin, and by its closed form where no bound is reached"
     )
     return Table(caption, headings, rows)
