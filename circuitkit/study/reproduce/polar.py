@@ -31,6 +31,7 @@ from circuitkit.study.reproduce.numbers import count, plain, signed_percent, wor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from circuitkit.study import Study
 
@@ -132,7 +133,7 @@ def _study(
 def measure(job: Job, study: Study) -> Around:
     """The largest survived force of all contenders in all directions, and the bound on the same walk."""
     forces: dict[str, dict[float, float]] = {}
-    for limit in job.sweep(study, STUDY).limits():
+    for limit in job.sweep(study, apart="contender").limits():
         angle = float(str(limit.labels[DIRECTION]))
         forces.setdefault(str(limit.labels["contender"]), {})[angle] = limit.largest
     angles = np.array(sorted(next(iter(forces.values()))))
@@ -147,7 +148,7 @@ def _along(
 ) -> Forces:
     """The same along one axis, over durations."""
     study = _study(job, name, quick_axes, axes)
-    survived = by_contender(job.sweep(study, name).limits())
+    survived = by_contender(job.sweep(study, apart="contender").limits())
     plan = study.point_of(study.cells[0]).plan()
     return Forces(survived, *bounds(plan, next(iter(survived.values()))))
 
@@ -234,14 +235,7 @@ def _line_table(forces: Forces, caption: str) -> Table:
 
 def _draw(job: Job, around: Around, runs: int) -> Picture:
     with house_style():
-        figure = new_figure(WIDTH_IN, 4.35)
-        polar: Any = figure.add_axes((0.045, 0.2, 0.42, 0.695), projection="polar")
-        share = figure.add_axes((0.6, 0.25, 0.385, 0.6))
-        _polar(polar, around)
-        _shares(share, around)
-        handles, labels = polar.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="lower center", ncols=3, frameon=False)
-        file = save(figure, job.folder, "polar")
+        file = save(figure_of(around), job.folder, "polar")
     caption = words(f"""
         Left, the largest force that the walk survives in all of {runs} runs, by the direction of the push,
         {around.duration_s:g} s long, seen from above while the left foot carries; dotted, the bound for any
@@ -249,6 +243,18 @@ def _draw(job: Job, around: Around, runs: int) -> Picture:
         Right, the same as a part of the bound for a push at the torso.""")
     alt = "A polar plot: the circuits' curves lie around that of the open loop, close to the bound."
     return Picture(file, caption, alt)
+
+
+def figure_of(around: Around) -> Figure:
+    """The forces around the robot, and the same as parts of the bound."""
+    figure = new_figure(WIDTH_IN, 4.35)
+    polar: Any = figure.add_axes((0.045, 0.2, 0.42, 0.695), projection="polar")
+    share = figure.add_axes((0.6, 0.25, 0.385, 0.6))
+    _polar(polar, around)
+    _shares(share, around)
+    handles, labels = polar.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=3, frameon=False)
+    return figure
 
 
 def _polar(axes: Any, around: Around) -> None:  # noqa: ANN401 - matplotlib does not type polar axes
