@@ -13,6 +13,7 @@ from circuitkit.robots.dynamics import generalised_positions
 from circuitkit.simulate import Plan, load_scenario, make_plan
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop
+from circuitkit.simulate.verdict import run_and_judge
 from circuitkit.study.bench import Case, Work
 
 _ALONE_S = 17.0  # as long as nao_push, so that making the arrays counts as much as it does there
@@ -20,10 +21,11 @@ _TOGETHER_S = 4.0
 
 
 def cases() -> tuple[Case, ...]:
-    """One robot, and 64."""
+    """One robot, and 64, which are recorded or only judged."""
     return (
         Case("closed loop: 1 robot", "mj_step alone, one robot", _one, limit=1.35),
         Case("closed loop: 64 robots", "Batch.step alone, 64 robots", lambda: _many(64), limit=1.15),
+        Case("verdicts: 64 robots", "Batch.step alone, 64 robots", lambda: _judged(64), limit=1.1),
     )
 
 
@@ -51,6 +53,19 @@ def _one() -> tuple[Work, Work]:
 
 def _many(batch: int) -> tuple[Work, Work]:
     plan = _plan(_TOGETHER_S)
+    trials = [Trial(seed, ()) for seed in range(batch)]
+    return lambda: run_loop(plan.setup("circuit", trials)), _bare(plan, batch)
+
+
+def _judged(batch: int) -> tuple[Work, Work]:
+    plan = _plan(_TOGETHER_S)
+    trials = [Trial(seed, ()) for seed in range(batch)]
+    thresholds = plan.scenario.thresholds
+    return lambda: run_and_judge(plan.setup("circuit", trials), thresholds), _bare(plan, batch)
+
+
+def _bare(plan: Plan, batch: int) -> Work:
+    """Steps a batch along the targets of a plan, and nothing else."""
     worlds = Batch(plan.robot.model, batch)
     ctrl, qpos, qvel = worlds.bind("ctrl"), worlds.bind("qpos"), worlds.bind("qvel")
     start = generalised_positions(plan.robot, plan.walk)[0]
@@ -63,4 +78,4 @@ def _many(batch: int) -> tuple[Work, Work]:
             ctrl[:] = target
             worlds.step(nstep=substeps)
 
-    return lambda: run_loop(plan.setup("circuit", [Trial(seed, ()) for seed in range(batch)])), bare
+    return bare
