@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from circuitkit.source import FileModel, find_data_file, read_yaml, validate_model
 from circuitkit.source.fields import Metres, Radians, Ratio, Seconds
 
-_FOLDER = "sims/gaits"
+FOLDER = "sims/gaits"
 
 
 class Window(FileModel):
@@ -104,4 +104,4 @@ def load_gait(name_or_path: str | Path) -> GaitSpec:
     Raises:
         InputError: It cannot be read; says where and why.
     """
-    return validate_model(read_yaml(find_data_file(name_or_path, _FOLDER)), GaitSpec)
+    return validate_model(read_yaml(find_data_file(name_or_path, FOLDER)), GaitSpec)

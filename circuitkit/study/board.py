@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from circuitkit.errors import CircuitkitError, InputError
@@ -172,9 +172,8 @@ def drive(
 
 
 def _job(number: int, chosen: Sequence[_Open]) -> Job:
-    point = replace(chosen[0].point, inputs={})
     trials = tuple(Trial(each.seed, each.point.scenario.pushes) for each in chosen)
-    return Job(number, point, trials)
+    return Job(number, chosen[0].point, trials)
 
 
 class _Board:

@@ -123,8 +123,9 @@ def _outcome(seed: int, judged: Judged) -> Outcome:
 def plan_of(point: Point) -> Plan:
     """The plan of a point; robots and walks are made once, as long as they are in use."""
     scenario = point.scenario
-    used = scenario.model_dump(mode="json", include={"robot", "servo_profile", "plant", "duration"})
-    body = _prepared(_Keyed((str(used), point.gait), lambda: prepare_walk(scenario, point.gait)))
+    used = scenario.model_dump(mode="json", include={"servo_profile", "plant", "duration"})
+    robot = tuple(said for name, said in point.inputs.items() if name.startswith("robot "))
+    body = _prepared(_Keyed((robot, str(used), point.gait), lambda: prepare_walk(scenario, point.gait)))
     return Plan(
         scenario, body.robot, body.walk, body.targets, point.circuit, point.yardstick, plant=body.plant
     )

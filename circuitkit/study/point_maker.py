@@ -21,6 +21,7 @@ from circuitkit.control.spec import FOLDER as CONTROLLER_FOLDER
 from circuitkit.errors import InputError, Problem, UnknownNameError
 from circuitkit.gait import GaitSpec, Walk, load_gait
 from circuitkit.gait.schedule import plan_steps
+from circuitkit.gait.spec import FOLDER as GAIT_FOLDER
 from circuitkit.robots import load_robot
 from circuitkit.simulate import Scenario
 from circuitkit.simulate.disturbance import push_start
@@ -216,7 +217,7 @@ class PointMaker:
             if not inner:
                 with scenario.located("gait"):
                     return load_gait(file)
-            document = read_yaml(find_data_file(file, _FOLDER))
+            document = read_yaml(find_data_file(file, GAIT_FOLDER))
             return self._validated(document, GaitSpec, self._with(document, inner), inner, 1)
 
         return self._once(key, lambda: self._guarded(make, "gait", scenario.gait, [*outer, *inner]))

@@ -9,6 +9,7 @@ import pickle
 import pytest
 
 from circuitkit.errors import InputError
+from circuitkit.gait.spec import FOLDER as GAIT_FOLDER
 from circuitkit.simulate import load_scenario
 from circuitkit.source import find_data_file, read_yaml, shipped_names
 from circuitkit.study import Study, load_study, make_study
@@ -222,6 +223,7 @@ def test_every_wrong_field_is_told_where_the_study_has_it(tmp_path):
         (["axes: {seed: [1, 2]}"], "4:8: axes.seed: found 'seed', which is a column of the results"),
         (["axes: {gait: [gait_march, gait_march]}"], "4:27: axes.gait[1]: found 'gait_march', the same as"),
         (["set: {gait: gait_mrach}"], "4:13: gait: unknown name 'gait_mrach'"),
+        (["set: {gait: gait_mrach, gait.knee: 3 deg}"], "4:13: gait: unknown name 'gait_mrach'"),
         (["set: {'pushes[0]force': 3 N}"], "4:7: pushes[0]force: found 'pushes[0]force'; allowed: the path"),
         (
             ["set: {controller.gain: 3, controller: circuit}"],
@@ -249,7 +251,7 @@ def test_an_unknown_scenario_is_told_where_the_study_names_it(tmp_path):
 
 
 def test_files_beside_the_study_are_found_from_anywhere(tmp_path, monkeypatch):
-    gait = find_data_file("gait_march", "sims").read_text().replace("gait: gait_march", "gait: mine")
+    gait = find_data_file("gait_march", GAIT_FOLDER).read_text().replace("gait: gait_march", "gait: mine")
     (tmp_path / "my_gait.yaml").write_text(gait)
     path = written(tmp_path, *HEAD, "set: {gait: my_gait.yaml}")
     monkeypatch.chdir("/")
