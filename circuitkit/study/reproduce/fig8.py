@@ -108,8 +108,9 @@ def run(job: Job) -> Finding:
 _TEXT = """
 A step of the network is eqs. 11 and 12 for all 11 neurons and the output, called from Python with other
 inputs each time: by generated C, and by the numpy backend, which needs no compiler. The MPC's solve is one
-quadratic program of the ZMPs ahead with their bounds, from states that pushes have moved off the walk, by daqp with all
-that does not change factorised beforehand. All take turns on one core; counted is the processor's time. The
+quadratic program of the ZMPs ahead with their bounds, from states that pushes have moved off the walk, by
+daqp with all that does not change factorised beforehand. All take turns on one core; counted is the
+processor's time. The
 other methods that the paper quotes plan whole motions of whole bodies; their times are theirs, and no measure
 of an MPC for the CoM.
 """
