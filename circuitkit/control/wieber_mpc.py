@@ -81,11 +81,17 @@ class WieberMpcSpec(FileModel):
         return self
 
     @model_validator(mode="after")
-    def _velocity_is_sensed(self) -> WieberMpcSpec:
+    def _is_sensed(self) -> WieberMpcSpec:
         if self.feedback == "joint_angles" and self.velocity_gain > 0:
             message = (
                 f"found velocity_gain {self.velocity_gain:g} with feedback joint_angles; allowed: 0, "
                 "or feedback com"
+            )
+            raise ValueError(message)
+        if self.feedback == "joint_angles" and "sagittal" in self.axes:
+            message = (
+                "found the axis sagittal with feedback joint_angles; allowed: lateral, of which eq. 3 speaks, or "
+                "feedback com"
             )
             raise ValueError(message)
         return self

@@ -65,6 +65,11 @@ def test_every_kind_is_found_by_its_name():
             "1:1: found velocity_gain 0.5 with feedback joint_angles; allowed: 0, or feedback com",
         ),
         (
+            MPC + "axes: [sagittal]\n",
+            "1:1: found the axis sagittal with feedback joint_angles; allowed: lateral, of which eq. 3 "
+            "speaks, or feedback com",
+        ),
+        (
             MPC.replace("joint_angles", "joint_angels"),
             "3:11: feedback: found 'joint_angels'; allowed: joint_angles, com; did you mean 'joint_angles'?",
         ),

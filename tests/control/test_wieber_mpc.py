@@ -140,3 +140,14 @@ def test_undisturbed_it_walks_as_the_open_loop_does(name):
     assert figures.inside_10mm == 1.0
     assert figures.swing_free > 0.8
     assert figures.ankle_rms_deg < 2.0
+
+
+def test_it_holds_forward_as_well_as_sideways():
+    """Both axes on a walk: pushed forward by what makes it lean, it comes back."""
+    plan = plan_of(gait="gait_walk_2cm", duration=3.0)
+    spec = load_controller("mpc_full", {"axes": ["lateral", "sagittal"]})
+    push = a_push(force=12.0, direction="forward", at=0.1)
+    recording = run_loop(plan.setup(spec, [Trial(100, (push,))]))
+    assert recording.command_names == ("ankle_roll", "ankle_pitch")
+    assert np.abs(recording.commands[:, 0, 1]).max() > np.radians(1.0)
+    assert recording.readings[-1, 0, recording.robot.layout.torso_up][2] > 0.95
