@@ -38,7 +38,7 @@ _LOOKS: Mapping[str, Look] = {
 }
 _DIRECTIONS = ("outward", "inward")
 _CALM_S, _QUICK_CALM_S = 60.0, 10.0
-_BEFORE_S, _AFTER_S = 0.3, 2.4
+_BEFORE_S, _AFTER_S = 0.4, 4.6
 _MM = 1e3
 _BEYOND = "section 5.2, outlook"
 
@@ -207,10 +207,10 @@ def _draw_forces(job: Job, forces: Forces, runs: int) -> Picture:
             kinds = forces.of_direction(direction)
             durations = [kind.duration_s for kind in kinds]
             tidy(axes)
-            for name, bound in (("point_mass", forces.point_mass), ("bound", forces.bound)):
-                axes.plot(durations, [bound[kind] for kind in kinds], **_LOOKS[name].line(linewidth=1.6))
             for name, own in forces.survived.items():
                 axes.plot(durations, [own[kind] for kind in kinds], **_LOOKS[name].line())
+            for name, bound in (("bound", forces.bound), ("point_mass", forces.point_mass)):
+                axes.plot(durations, [bound[kind] for kind in kinds], **_LOOKS[name].line(linewidth=1.6))
             axes.set_title(direction, fontsize=NORMAL)
             axes.set(xlabel="duration of the force [s]", xlim=(0.05, 0.45), xticks=[0.1, 0.2, 0.3, 0.4])
             axes.set_ylim(bottom=0)
@@ -241,52 +241,63 @@ def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture
     shown = (ticks * dt > start - _BEFORE_S) & (ticks * dt < start + _AFTER_S)
     time_s = ticks[shown] * dt - start
     with house_style():
-        figure = new_figure(WIDTH_IN, 4.2)
+        figure = new_figure(WIDTH_IN, 5.0)
         figure.set_layout_engine("constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-        for axes in (upper, lower):
+        panels = figure.subplots(3, 1, sharex=True, height_ratios=[6, 1.3, 4])
+        for axes in panels:
             tidy(axes)
-            axes.axvspan(0.0, end - start, color=PUSH_FILL, alpha=0.5, linewidth=0, label="push")
-        acting = _traced(recording, "step_share_left") + _traced(recording, "step_share_right")
-        _dcm_panel(upper, time_s, recording, shown, acting)
-        _feet_panel(lower, time_s, recording, shown)
-        lower.set(xlabel="time from the start of the push [s]", xlim=(time_s[0], time_s[-1]))
+            axes.axvspan(0.0, end - start, color=PUSH_FILL, alpha=0.5, linewidth=0)
+        _dcm_panel(panels[0], time_s, recording, shown)
+        _acting_panel(panels[1], time_s, recording, shown)
+        _legs_panel(panels[2], time_s, recording, shown)
+        panels[2].set(xlabel="time from the start of the push [s]", xlim=(time_s[0], time_s[-1]))
         file = save(figure, job.folder, "stepping_run")
     caption = words(f"""
         {plain(force)} N {kind.direction} for {kind.duration_s:g} s. Above, the DCM, where the ankles can hold
-        it (between the dashed lines), and when a step acts (hatched). Below, what is added to the walk: the
-        legs, outward, and the ankles.""")
+        it (between the dashed lines); in the middle, when the circuit lets a step act, against a fall to the
+        left or to the right; below, what is added to the walk. Shaded, the push.""")
     return Picture(
         file, caption, "Time series: the DCM leaves its band, a foot goes outward, the DCM returns."
     )
 
 
-def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any, acting: Any) -> None:  # noqa: ANN401 - arrays
+_LEGEND: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.2}
+
+
+def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
     series = {name: _traced(recording, name)[shown] * _MM for name in ("dcm_y", "left_limit", "right_limit")}
     planned = series["dcm_y"] - _traced(recording, "dcm_error_y")[shown] * _MM
-    axes.plot(time_s, planned, color=GREY, linewidth=1.0, linestyle=":", label="DCM as planned")
-    axes.plot(time_s, series["dcm_y"], color=INK, linewidth=1.3, label="DCM")
-    for name in ("left_limit", "right_limit"):
-        label = "end of what the ankles can hold" if name == "left_limit" else None
+    axes.plot(time_s, series["dcm_y"], color=INK, linewidth=1.4, label="DCM")
+    axes.plot(time_s, planned, color=GREY, linewidth=1.0, linestyle=":", label="as planned")
+    for name, label in (("left_limit", "end of what the ankles can hold"), ("right_limit", None)):
         axes.plot(time_s, series[name], color=EXCITATORY, linewidth=1.0, linestyle="--", label=label)
-    low, high = axes.get_ylim()
-    band: Any = {"facecolor": "none", "edgecolor": GREY, "hatch": "////", "linewidth": 0}
-    axes.fill_between(time_s, low, high, where=acting[shown] > 0, label="a step acts", **band)
-    axes.set(ylim=(low, high), ylabel="to the left [mm]")
-    axes.legend(loc="upper right", ncols=2, frameon=False)
+    axes.set_ylabel("DCM, to the left [mm]")
+    axes.legend(ncols=3, **_LEGEND)
 
 
-def _feet_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
+def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
+    """Bars where the circuit lets a step act."""
+    rows = {"right": "step_share_right", "left": "step_share_left"}
+    for height, name in enumerate(rows.values()):
+        acts = _traced(recording, name)[shown] > 0
+        axes.fill_between(
+            time_s, height + 0.15, height + 0.85, where=acts, step="post", color=INHIBITORY, linewidth=0
+        )
+    axes.set(ylim=(0, len(rows)), yticks=[0.5, 1.5], yticklabels=list(rows), ylabel="step\nto the")
+    axes.grid(visible=False, axis="y")
+
+
+def _legs_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
     degrees = np.degrees(recording.commands[shown, 0])
     names: Sequence[str] = recording.command_names
     looks = {
         "left_foot_y": ("left leg, outward", 1.0, EXCITATORY, "-"),
         "right_foot_y": ("right leg, outward", -1.0, INHIBITORY, "--"),
-        "ankle_roll": ("ankles", 1.0, INK, ":"),
+        "ankle_roll": ("ankles, to the left", 1.0, INK, ":"),
     }
     for name, (label, sign, colour, dashes) in looks.items():
         if name in names:
             values = sign * degrees[:, names.index(name)]
             axes.plot(time_s, values, color=colour, linestyle=dashes, linewidth=1.2, label=label)
     axes.set_ylabel("added angle [deg]")
-    axes.legend(loc="upper right", ncols=3, frameon=False)
+    axes.legend(ncols=3, **_LEGEND)
