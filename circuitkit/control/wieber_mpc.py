@@ -90,8 +90,8 @@ class WieberMpcSpec(FileModel):
             raise ValueError(message)
         if self.feedback == "joint_angles" and "sagittal" in self.axes:
             message = (
-                "found the axis sagittal with feedback joint_angles; allowed: lateral, of which eq. 3 speaks, or "
-                "feedback com"
+                "found the axis sagittal with feedback joint_angles; allowed: lateral, of which eq. 3 "
+                "speaks, or feedback com"
             )
             raise ValueError(message)
         return self
