@@ -28,7 +28,7 @@ def _compiled(name):
 
 @pytest.fixture(scope="module")
 def programs():
-    return {name: _compiled(name) for name in (*SHIPPED, "binn_lateral_capture", "binn_sagittal")}
+    return {name: _compiled(name) for name in (*SHIPPED, "binn_lateral_capture_tuned", "binn_sagittal")}
 
 
 def _driven(program, **series):
@@ -119,7 +119,7 @@ def test_each_half_of_the_planar_circuit_does_what_it_does_alone(programs, error
     np.testing.assert_array_equal(both["ankle_pitch"], sagittal["ankle_pitch"])
 
 
-PARTS = ("binn_lateral_capture", "binn_sagittal_tuned")
+PARTS = ("binn_lateral_capture_tuned", "binn_sagittal_tuned")
 
 
 def _moved(program, errors):
