@@ -148,6 +148,7 @@ def as_html(markdown: str, folder: Path) -> str:
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(markdown)
     _mark_verdicts(tokens)
+    _mark_captions(tokens)
     for token in tokens:
         for child in token.children or ():
             if child.type == "image":
@@ -170,6 +171,14 @@ def _mark_verdicts(tokens: Sequence[Token]) -> None:
             cell.attrSet("class", classes[inside.content])
 
 
+def _mark_captions(tokens: Sequence[Token]) -> None:
+    """Give paragraphs that are slanted from end to end, as captions are, their class."""
+    for paragraph, inside in pairwise(tokens):
+        kinds = [child.type for child in inside.children or ()]
+        if paragraph.type == "paragraph_open" and kinds[:1] == ["em_open"] and kinds[-1:] == ["em_close"]:
+            paragraph.attrSet("class", "caption")
+
+
 def _inlined(path: Path) -> str:
     try:
         content = base64.b64encode(path.read_bytes()).decode("ascii")
@@ -183,7 +192,7 @@ body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; marg
   padding: 0 1rem; }
 h1, h2, h3 { line-height: 1.2; margin-top: 2rem; }
 img { max-width: 100%; display: block; margin: 1rem auto 0.3rem; }
-p > em:only-child { display: block; color: #555; font-size: 0.9rem; }
+p.caption { color: #555; font-size: 0.9rem; margin-top: 0; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.85rem; margin: 0.5rem 0 1rem; }
 th, td { border-bottom: 1px solid #ccc; padding: 0.3rem 0.6rem; text-align: left; vertical-align: top; }

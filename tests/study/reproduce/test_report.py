@@ -110,6 +110,12 @@ def test_the_page_colours_verdicts_and_nothing_else(page):
     assert sorted(resources.classes) == ["fails", "holds", "partly", "shown"]
 
 
+def test_captions_are_small_and_nothing_else_is(page):
+    html, _ = page
+    assert html.count('<p class="caption">') == 1
+    assert '<p class="caption"><em>Caption.</em></p>' in html
+
+
 def test_a_picture_that_is_not_there_stays_a_name(tmp_path):
     html = as_html(as_markdown((entry(),)), tmp_path)
     assert 'src="fig9.png"' in html
