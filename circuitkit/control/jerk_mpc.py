@@ -151,7 +151,7 @@ def box_solver(name: str, hessian: Array, *, direct: bool = True) -> BoxSolver:
         name: Of a solver of qpsolvers.
         hessian: H; shape (N, N).
         direct: Call daqp through its own interface, which keeps the factorised H; through qpsolvers, as all
-            others are called, it takes about twice as long (`benchmarks/bench_mpc.py`).
+            others are called, it takes several times as long (`benchmarks/bench_mpc.py`).
 
     Raises:
         MissingDependencyError: A package is missing.

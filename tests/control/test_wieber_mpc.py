@@ -102,7 +102,7 @@ def test_a_gain_of_zero_never_moves(reference):
     ("changes", "message"),
     [
         (
-            {"preview_step": "15 ms"},
+            {"preview_step": "15 ms", "preview_steps": 50},
             "mpc_full: preview_step: found 15 ms; allowed: a multiple of the walk's control step, 10 ms",
         ),
         (
