@@ -41,6 +41,7 @@ TITLE = "Pushes from all directions"
 EFFORT = Effort(full_s=700.0, quick_s=90.0)
 STUDY, SAGITTAL, LATERAL = "polar", "sagittal", "planar_lateral"
 OPEN, PLANAR, OMNI = "open_loop", "binn_planar_tuned", "binn_omnidirectional_tuned"
+OUTLINE_RAD = np.radians(np.arange(360))
 WANTED = 0.95  # of the lateral network's force, that the planar one shall keep
 _BEYOND = "beyond the paper (section 6)"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 3}, "search": {"step": "2 N", "check_below": 0}}
@@ -68,13 +69,15 @@ class Around:
     Attributes:
         angles_rad: Directions; 0 is forward, a quarter turn is to the left; shape (n,).
         survived: The largest force that was survived, by contender; each of shape (n,).
-        bounds: What no control with the ankles can exceed.
+        bounds: What the ankles of a robot with an upright torso can hold at most.
+        outline: The same in each of `OUTLINE_RAD`, since between two directions it is no straight line.
         duration_s: How long the push lasts.
     """
 
     angles_rad: Array
     survived: Mapping[str, Array]
     bounds: BoundsAround
+    outline: BoundsAround
     duration_s: float
 
     def ratio(self, contender: str) -> float:
@@ -140,7 +143,9 @@ def measure(job: Job, study: Study) -> Around:
     survived = {name: np.array([found[angle] for angle in angles]) for name, found in forces.items()}
     point = study.point({"controller": OPEN})
     duration = point.scenario.pushes[0].duration
-    return Around(angles, survived, dcm_bounds_around(point.plan(), angles, duration), duration)
+    plan = point.plan()
+    outline = dcm_bounds_around(plan, OUTLINE_RAD, duration)
+    return Around(angles, survived, dcm_bounds_around(plan, angles, duration), outline, duration)
 
 
 def _along(
@@ -205,7 +210,8 @@ def _text(around: Around, study: Study) -> str:
         DCM in the plane: along each direction the way from the DCM at the start of the push to the edge of
         the support, the hull of both soles, since inward the foot in the air catches the body. Dotted, for a
         torso that stays upright and is pushed where it is; pale, for a push at the height of the centre of
-        mass. The planar circuit has one network for each axis, the omnidirectional one three at 120°; both
+        mass. Where a foot tips the torso turns with it, which holds a little more. The planar circuit has one
+        network for each axis, the omnidirectional one three at 120°; both
         read how far the capture point is from its plan. A network that reads the ZMP in x gains nothing:
         stiff ankles bring the ZMP to the toes by themselves, and there it says no more.""")
 
@@ -261,10 +267,11 @@ def _polar(axes: Any, around: Around) -> None:  # noqa: ANN401 - matplotlib does
     """Forces around the robot, forward up and left at the left."""
     axes.set_theta_zero_location("N")
     axes.set_axisbelow(True)
-    for name, values in _curves(around):
-        angles, closed = np.append(around.angles_rad, around.angles_rad[0]), np.append(values, values[0])
-        axes.plot(angles, closed, **_LOOKS[name].line(markersize=3.2, linewidth=1.2))
-    largest = max(float(values.max()) for _, values in _curves(around))
+    curves = _curves(around)
+    for name, (angles, values) in curves.items():
+        closed = np.append(angles, angles[0]), np.append(values, values[0])
+        axes.plot(*closed, **_LOOKS[name].line(markersize=3.2, linewidth=1.2))
+    largest = max(float(values.max()) for _, values in curves.values())
     rings = np.arange(10, largest, 10)
     axes.set_rlim(0, largest * 1.03)
     # Where the bound is near, the numbers of the rings beyond stand clear of all curves.
@@ -284,9 +291,12 @@ def _direction(angle_deg: int) -> str:
     return ways.get(angle_deg, f"{angle_deg}°")
 
 
-def _curves(around: Around) -> list[tuple[str, Array]]:
-    edges = {"bound": around.bounds.upright_n, "point_mass": around.bounds.point_mass_n}
-    return [*edges.items(), *around.survived.items()]
+def _curves(around: Around) -> dict[str, tuple[Array, Array]]:
+    """Angles and forces by name."""
+    edges = {"bound": around.outline.upright_n, "point_mass": around.outline.point_mass_n}
+    return {name: (OUTLINE_RAD, values) for name, values in edges.items()} | {
+        name: (around.angles_rad, values) for name, values in around.survived.items()
+    }
 
 
 def _shares(axes: Axes, around: Around) -> None:

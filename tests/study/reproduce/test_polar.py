@@ -23,20 +23,25 @@ DEGREES = np.arange(0, 360, 15)
 
 def made_up(open_n=4.0, planar_n=8.0, omni_n=6.0, bound_n=10.0):
     """Forces that are the same from all sides."""
-    every = np.ones(len(DEGREES))
+    every, outline = np.ones(len(DEGREES)), np.ones(360)
     survived = {OPEN: open_n * every, PLANAR: planar_n * every, OMNI: omni_n * every}
-    return Around(np.radians(DEGREES), survived, BoundsAround(bound_n / 0.733 * every, bound_n * every), 0.2)
+    bounds, around = (BoundsAround(bound_n / 0.733 * ones, bound_n * ones) for ones in (every, outline))
+    return Around(np.radians(DEGREES), survived, bounds, around, 0.2)
+
+
+def edge_of_two_soles(degrees):
+    """Bounds like those of two soles side by side, the body over the left one."""
+    ways = np.stack([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))], axis=-1)
+    edges = np.array([[20.0, 21.0], [15.0, 39.0]])  # [N]: front and back, left and right
+    return (np.where(ways > 0, edges[:, 0], edges[:, 1]) / np.maximum(np.abs(ways), 1e-9)).min(axis=1)
 
 
 def oblong():
-    """Bounds like those of two soles side by side, the body over the left one."""
-    ways = np.stack([np.cos(np.radians(DEGREES)), np.sin(np.radians(DEGREES))], axis=-1)
-    with np.errstate(divide="ignore"):
-        edges = np.array([[20.0, 21.0], [15.0, 39.0]])  # [N]: front and back, left and right
-        way = np.where(ways > 0, edges[:, 0], edges[:, 1]) / np.abs(ways)
-    bound = way.min(axis=1)
+    """Forces in proportion to such bounds."""
+    bound, outline = edge_of_two_soles(DEGREES), edge_of_two_soles(np.arange(360))
     survived = {OPEN: 0.4 * bound, PLANAR: 0.7 * bound, OMNI: 0.66 * bound}
-    return Around(np.radians(DEGREES), survived, BoundsAround(bound, 0.733 * bound), 0.2)
+    bounds, around = (BoundsAround(each, 0.733 * each) for each in (bound, outline))
+    return Around(np.radians(DEGREES), survived, bounds, around, 0.2)
 
 
 def test_ratios_are_means_over_directions():
