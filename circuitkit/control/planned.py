@@ -26,8 +26,8 @@ def planned_channels(reference: WalkReference) -> dict[str, PlannedChannel]:
     """`planned_com_*` and `planned_com_velocity_*`, the CoM of the plan's point mass (eq. 2).
 
     In the frame of the sensed channels `com_*`, the middle between the ankles, so that the difference of the
-    two is how far the robot is from its plan. With the velocities over omega = sqrt(g / z_CoM) added it is the
-    error of the DCM (capture point).
+    two is how far the robot is from its plan. With the velocities over omega = sqrt(g / z_CoM) added it is
+    the error of the DCM (capture point).
     """
     ticks = reference.walk.ticks
     com = reference.com_m - reference.sensed_com_offset_m
