@@ -44,7 +44,9 @@ def simulate(
     settings: Settings = None,
     controller: Annotated[
         str | None,
-        typer.Option("--controller", metavar="NAME", help="Control with this: open_loop, circuit, or a controller file."),
+        typer.Option(
+            "--controller", metavar="NAME", help="Control with this: open_loop, circuit, or a controller file."
+        ),
     ] = None,
     push: Push = None,
     seed: Seed = None,

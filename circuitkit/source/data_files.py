@@ -47,5 +47,6 @@ def find_data_file(name_or_path: str | Path, folder: str) -> Path:
     names = shipped_names(folder)
     if path.name in names:
         return data_folder(folder) / f"{path.name}{_SUFFIX}"
-    message = f"unknown name '{path}'; allowed: a path, or one of the shipped {Path(folder).name}: {listing(names)}"
+    shipped = f"one of the shipped {Path(folder).name}: {listing(names)}"
+    message = f"unknown name '{path}'; allowed: a path, or {shipped}"
     raise InputError(Problem(str(path), 1, 1, "", message, suggest(path.name, names)))
