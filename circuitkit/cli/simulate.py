@@ -45,7 +45,7 @@ def simulate(
     controller: Annotated[
         str | None,
         typer.Option(
-            "--controller", metavar="NAME", help="Control with this: open_loop, circuit, or a controller file."
+            "--controller", metavar="NAME", help="Control with it: open_loop, circuit, or a controller file."
         ),
     ] = None,
     push: Push = None,
