@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from circuitkit.draw.style import (
     EXCITATORY,
@@ -17,18 +19,23 @@ from circuitkit.draw.style import (
     NORMAL,
     PALE,
     SMALL,
+    axes_at,
     house_style,
     new_figure,
     save_figure,
 )
 from circuitkit.files import write_text
 from circuitkit.study.tuning.search import Found, Told
+from circuitkit.study.tuning.space import Searched
 from circuitkit.study.tuning.spec import Tuning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_WIDTH_IN, _TOP_IN, _ROW_IN, _COLUMNS = 6.8, 2.3, 1.15, 3
+_WIDTH_IN, _COLUMNS = 6.8, 3
+_LEFT_IN, _RIGHT_IN, _BETWEEN_IN = 0.6, 0.12, 0.5
+_HEAD_IN, _TOP_IN, _GAP_IN, _ROW_IN, _TITLE_IN, _FOOT_IN = 0.52, 1.8, 0.5, 0.72, 0.3, 0.5
+_MOST_TICKS = 4
 
 
 def write_table(tuning: Tuning, found: Found, path: Path) -> None:
@@ -67,25 +74,19 @@ def draw_history(tuning: Tuning, found: Found, best: Told, size: int, path: Path
     values = np.array([each.value for each in told], dtype=float)
     names = list(tuning.spec.parameters)
     rows = -(-len(names) // _COLUMNS)
-    height = _TOP_IN + rows * _ROW_IN + 0.45
+    height = _HEAD_IN + _TOP_IN + _GAP_IN + rows * (_TITLE_IN + _ROW_IN) + _FOOT_IN
+    whole = _WIDTH_IN - _LEFT_IN - _RIGHT_IN
+    width = (whole - (_COLUMNS - 1) * _BETWEEN_IN) / _COLUMNS
     with house_style():
         figure = new_figure(_WIDTH_IN, height)
-        grid = figure.add_gridspec(
-            rows + 1,
-            _COLUMNS,
-            height_ratios=[_TOP_IN - 0.5, *[_ROW_IN - 0.35] * rows],
-            left=0.095,
-            right=0.985,
-            bottom=0.48 / height,
-            top=1 - 0.32 / height,
-            hspace=0.62,
-            wspace=0.36,
-        )
-        top = figure.add_subplot(grid[0, :])
+        top = axes_at(figure, _LEFT_IN, _HEAD_IN, whole, _TOP_IN)
         _draw_objective(top, numbers, values, best, found)
-        top.set_title(f"{tuning.file.study}: {len(found.told)} candidates", fontsize=NORMAL, loc="left")
+        title = f"{tuning.file.study}: {len(found.told)} candidates"
+        figure.text(_LEFT_IN / _WIDTH_IN, 1 - _TITLE_IN / 2 / height, title, fontsize=NORMAL, va="center")
         for place, name in enumerate(names):
-            axes = figure.add_subplot(grid[1 + place // _COLUMNS, place % _COLUMNS])
+            row, column = divmod(place, _COLUMNS)
+            down = _HEAD_IN + _TOP_IN + _GAP_IN + row * (_TITLE_IN + _ROW_IN) + _TITLE_IN
+            axes = axes_at(figure, _LEFT_IN + column * (width + _BETWEEN_IN), down, width, _ROW_IN)
             _draw_values(axes, tuning, name, told, best, size)
             if place + _COLUMNS >= len(names):
                 axes.set_xlabel("candidate")
@@ -94,23 +95,36 @@ def draw_history(tuning: Tuning, found: Found, best: Told, size: int, path: Path
         save_figure(figure, path)
 
 
-def _draw_objective(axes: Axes, numbers: np.ndarray, values: np.ndarray, best: Told, found: Found) -> None:
+def _draw_objective(
+    axes: Axes, numbers: NDArray[np.int_], values: NDArray[np.float64], best: Told, found: Found
+) -> None:
+    """The objective of every candidate; those far from all others stand at the edge."""
     so_far = np.maximum.accumulate(values) if found.maximise else np.minimum.accumulate(values)
-    axes.plot(numbers, values, ".", color=GREY, markersize=3.5, label="candidate")
-    axes.step(numbers, so_far, where="post", color=EXCITATORY, linewidth=1.6, label="best so far")
-    axes.plot(
-        best.number, best.value or 0.0, "o", markersize=6.5, fillstyle="none", color=INK, label="chosen"
-    )
-    axes.set_ylabel("objective")
-    axes.grid(color=PALE, linewidth=0.5)
-    low, high = (
-        (np.percentile(values, 5), values.max())
-        if found.maximise
-        else (values.min(), np.percentile(values, 95))
-    )
+    near = np.percentile(values, 5 if found.maximise else 95)
+    low, high = (near, values.max()) if found.maximise else (values.min(), near)
     margin = 0.08 * max(high - low, 1e-9)
-    axes.set_ylim(low - margin, high + margin)
-    axes.legend(loc="lower right" if found.maximise else "upper right", ncols=3, frameon=True, edgecolor=PALE)
+    low, high = low - margin, high + margin
+    beyond = (values < low) | (values > high)
+    axes.plot(numbers[~beyond], values[~beyond], ".", color=GREY, markersize=3.5, label="candidate")
+    if beyond.any():
+        edge, marker, word = (low, "v", "below") if found.maximise else (high, "^", "above")
+        axes.plot(
+            numbers[beyond],
+            np.full(beyond.sum(), edge),
+            marker,
+            color=GREY,
+            markersize=3.5,
+            label=f"candidate {word} the picture",
+            clip_on=False,
+        )
+    axes.step(numbers, so_far, where="post", color=EXCITATORY, linewidth=1.6, label="best so far")
+    value = best.value or 0.0
+    axes.plot(best.number, value, "o", markersize=6.5, fillstyle="none", color=INK, label="chosen")
+    axes.set_ylabel("objective")
+    axes.set_xlabel("candidate")
+    axes.grid(color=PALE, linewidth=0.5)
+    axes.set_ylim(low, high)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, frameon=False, borderaxespad=0.2)
 
 
 def _draw_values(axes: Axes, tuning: Tuning, name: str, told: Sequence[Told], best: Told, size: int) -> None:
@@ -118,24 +132,41 @@ def _draw_values(axes: Axes, tuning: Tuning, name: str, told: Sequence[Told], be
     searched = tuning.spec.parameters[name]
     numbers = np.array([each.number for each in told])
     shown = np.array([searched.plotted(each.settings[name]) for each in told])
+    chosen = searched.plotted(best.settings[name])
     axes.plot(numbers, shown, ".", color=GREY, markersize=2.0)
-    groups = [slice(i, i + size) for i in range(0, len(told), size)]
-    axes.plot(
-        [numbers[each].mean() for each in groups],
-        [np.median(shown[each]) for each in groups],
-        color=EXCITATORY,
-        linewidth=1.4,
-    )
-    axes.plot(
-        best.number, searched.plotted(best.settings[name]), "o", markersize=5, fillstyle="none", color=INK
-    )
-    unit = "" if searched.choices or searched.unit.symbol == "1" else f" [{searched.unit}]"
-    axes.set_title(f"{name}{unit}", fontsize=SMALL, loc="left", pad=3)
+    axes.plot(best.number, chosen, "o", markersize=5, fillstyle="none", color=INK, zorder=3)
+    axes.set_title(f"{name}{_unit(searched)}", fontsize=SMALL, loc="left", pad=3)
     axes.grid(color=PALE, linewidth=0.5)
     if searched.choices:
-        axes.set_yticks(range(len(searched.choices)), [str(each) for each in searched.choices])
-        axes.set_ylim(-0.5, len(searched.choices) - 0.5)
+        axes.set_yticks(range(len(searched.choices)), [""] * len(searched.choices))
+        for height, choice in enumerate(searched.choices):
+            across = axes.get_yaxis_transform()
+            axes.text(0.02, height + 0.12, str(choice), fontsize=SMALL, va="bottom", transform=across)
+        axes.set_ylim(-0.4, len(searched.choices) - 0.2)
         return
-    if searched.log and searched.ends[0] > 0:
+    groups = [slice(i, i + size) for i in range(0, len(told), size)]
+    middles = [numbers[each].mean() for each in groups]
+    axes.plot(middles, [np.median(shown[each]) for each in groups], color=EXCITATORY, linewidth=1.4)
+    low, high = searched.ends
+    if searched.log and low > 0:
         axes.set_yscale("log")
-    axes.set_ylim(*searched.ends)
+        ticks = _round_numbers(low, high)
+        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.set_yticks([], minor=True)
+    margin = 0.0 if searched.log else 0.03 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+
+
+def _unit(searched: Searched) -> str:
+    return "" if searched.choices or searched.unit.symbol == "1" else f" [{searched.unit}]"
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """A few round numbers of a logarithmic range."""
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for steps in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
+        found = [step * 10.0**power for power in powers for step in steps]
+        inside = [number for number in found if low <= number * (1 + 1e-9) and number <= high * (1 + 1e-9)]
+        if len(inside) <= _MOST_TICKS:
+            break
+    return inside if len(inside) > 1 else [low, high]

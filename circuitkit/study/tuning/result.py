@@ -28,7 +28,7 @@ from circuitkit.study.tuning.spec import TuneSpec, Tuning
 
 _WIDTH = 110
 _SCHEMA = "circuit.schema.json"
-FOLDERS = {"controller": CONTROLLERS, "gait": "sims/gaits"}
+FOLDERS = {"circuit": FOLDER, "controller": CONTROLLERS, "gait": "sims/gaits"}
 
 
 class ResultError(CircuitkitError):

@@ -128,6 +128,9 @@ def tune(
     tuning = study if isinstance(study, Tuning) else load_tuning(study)
     folder = Path(folder)
     path = Path(result) if result is not None else folder / f"{tuning.spec.result}.yaml"
+    if path.resolve() == find_data_file(tuning.base, FOLDERS[tuning.spec.target]).resolve():
+        message = f"found '{path}', the file that is tuned; allowed: another file"
+        raise InputError(Problem("", 0, 0, "--result", message))
     parts = {part: tuning.runs(part) for part in tuning.parts()}
     check(tuning, parts[TRAIN])
     silence_optuna(verbose=verbose)

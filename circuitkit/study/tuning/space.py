@@ -33,6 +33,16 @@ QuantityText = Annotated[
 ]
 
 
+def _text(value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        message = f"found {describe(value)}; allowed: a value such as '-2 deg'"
+        raise ValueError(message)  # noqa: TRY004 - as above
+    return str(value)
+
+
+ValueText = Annotated[str, BeforeValidator(_text)]
+
+
 class Searched(FileModel):
     """A value that is searched: a range `from` ... `to`, or `choices`.
 

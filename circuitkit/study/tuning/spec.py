@@ -19,7 +19,7 @@ from circuitkit.source.fields import Ratio, Seconds
 from circuitkit.study.spec import FOLDER, Seeds
 from circuitkit.study.tuning.cases import Runs, RunSet, in_words, make_runs
 from circuitkit.study.tuning.objective import LIMIT, Term
-from circuitkit.study.tuning.space import QuantityText, Searched, start_values
+from circuitkit.study.tuning.space import Searched, ValueText, start_values
 from circuitkit.units import parse_quantity
 
 TARGETS = ("circuit", "controller", "gait")
@@ -68,7 +68,7 @@ class TuneSpec(FileModel):
     parameters: dict[str, Searched] = Field(
         min_length=1, description="What is searched: values of the file by name, as --set takes them."
     )
-    start: dict[str, QuantityText] = Field(default={}, description="The first candidate, by name.")
+    start: dict[str, ValueText] = Field(default={}, description="The first candidate, by name.")
     maximise: Terms | None = Field(default=None, description="The objective, a weighted sum of figures.")
     minimise: Terms | None = Field(default=None, description="Instead of maximise.")
     runs: dict[str, RunSet] = Field(min_length=1, description="Sets of runs, by name.")

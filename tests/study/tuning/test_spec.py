@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from small_tuning import SMALL, written
 
 from circuitkit.errors import InputError
-from circuitkit.study.tuning.run import check
+from circuitkit.study.tuning.run import check, start_of
 from circuitkit.study.tuning.spec import load_tuning
 
 
@@ -123,6 +124,19 @@ def test_mistakes_are_told_where_they_stand(tmp_path, change, message):
     told, place = refusal(tmp_path, change, text=text)
     assert told.splitlines()[0].startswith(place), told
     assert message in told
+
+
+def test_a_start_may_be_a_choice(tmp_path):
+    timing = "timing: {choices: [ordered, synchronous]}"
+    path = written(tmp_path, ("leak: {from: 1 %, to: 20 %}", timing), ("leak: 5 %", "timing: synchronous"))
+    assert load_tuning(path).start == {"timing": "synchronous"}
+    assert start_of(load_tuning(path)) == {"w": pytest.approx(0.5), "timing": "synchronous"}
+
+
+def test_the_example_of_the_documentation_is_sound(tmp_path):
+    page = (Path(__file__).parents[3] / "docs/tuning.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```yaml\n(study: .*?)```", page, re.DOTALL)
+    checked(written(tmp_path, text=example))
 
 
 def test_a_study_without_the_section_is_told_so(tmp_path):

@@ -1,0 +1,92 @@
+"""The command line of tuning; what it finds is tested in tests/study/tuning."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+from small_tuning import written
+
+from circuitkit.study.tuning.objective import Score
+from circuitkit.study.tuning.run import Measure
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """A small tuning whose runs are made up: the objective is minus the leak."""
+
+    def measured(_, candidates):
+        found = [float(each["leak"].removesuffix(" %")) for each in candidates]
+        return [Score(-leak, (1.0, leak), 4) for leak in found]
+
+    monkeypatch.setattr(Measure, "__call__", measured)
+    return str(written(tmp_path))
+
+
+def test_the_best_is_printed_beside_the_start_and_written(circuitkit, study, tmp_path):
+    outcome = circuitkit("tune", study, "-o", "out", "--trials", "5", "--workers", "1")
+    assert outcome.code == 0
+    assert outcome.err == "wrote out/small_tuned.yaml\n"
+    assert "small: 5 candidates" in outcome.out
+    assert {"trials.db", "trials.csv", "history.png", "history.pdf", "small_tuned.yaml"} <= {
+        path.name for path in (tmp_path / "out").iterdir()
+    }
+    assert circuitkit("validate", "out/small_tuned.yaml").code == 0
+
+
+def test_json_and_resumption(circuitkit, study):
+    words = ("tune", study, "-o", "out", "--workers", "1", "--json")
+    first = json.loads(circuitkit(*words).out)
+    assert first["trials"] == 3
+    again = circuitkit(*words)
+    assert again.code == 1
+    assert "go on with it by --resume" in again.err
+    more = json.loads(circuitkit(*words, "--resume", "--trials", "5", "--result", "mine.yaml").out)
+    assert more["trials"] == 5
+    assert more["result"] == "mine.yaml"
+    assert more["train"]["objective"] >= first["train"]["objective"]
+    assert more["start"] == {"objective": -5.0, "figures": [1.0, 5.0]}
+
+
+def test_verbose_tells_what_each_generation_brought(circuitkit, study):
+    outcome = circuitkit("tune", study, "-o", "out", "--trials", "5", "--workers", "1", "--verbose")
+    assert "train: 3 of 5, best -" in outcome.err
+    assert "train: 5 of 5, best -" in outcome.err
+
+
+def test_after_ctrl_c_the_best_so_far_is_written(circuitkit, study, monkeypatch):
+    measured = Measure.__call__
+    calls = []
+
+    def interrupted(self, candidates):
+        calls.append(len(candidates))
+        if len(calls) > 1:
+            raise KeyboardInterrupt
+        return measured(self, candidates)
+
+    monkeypatch.setattr(Measure, "__call__", interrupted)
+    outcome = circuitkit("tune", study, "-o", "out", "--trials", "9", "--workers", "1")
+    assert outcome.code == 130
+    assert "wrote out/small_tuned.yaml" in outcome.err
+    assert "small: 3 candidates" in outcome.out
+
+
+def test_the_file_that_is_tuned_is_not_overwritten(circuitkit, study, tmp_path):
+    (tmp_path / "mine.yaml").write_text(circuitkit("show", "binn_lateral_tuned", "--resolved").out)
+    written(tmp_path, ("circuit: binn_lateral_tuned", "circuit: mine.yaml"))
+    outcome = circuitkit("tune", study, "-o", "out", "--result", "mine.yaml")
+    assert outcome.code == 1
+    assert "--result: found 'mine.yaml', the file that is tuned; allowed: another file" in outcome.err
+
+
+def test_without_optuna_it_is_said_what_to_install(circuitkit, study, monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("circuitkit.study.tuning.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    outcome = circuitkit("tune", study, "-o", "out")
+    assert outcome.code == 3
+    assert outcome.err == (
+        "tuning needs the package 'optuna', which is not installed; "
+        "install it with: pip install 'neurocircuitkit[tune]'\n"
+    )
