@@ -144,7 +144,7 @@ def _draw_values(axes: Axes, tuning: Tuning, name: str, told: Sequence[Told], be
             axes.text(0.02, height + 0.12, str(choice), fontsize=SMALL, va="bottom", transform=across)
         axes.set_ylim(-0.4, len(searched.choices) - 0.2)
         return
-    groups = [slice(i, i + size) for i in range(0, len(told), size)]
+    groups = [slice(i, i + size) for i in range(min(1, len(told) - 1), len(told), size)]  # behind the start
     middles = [numbers[each].mean() for each in groups]
     axes.plot(middles, [np.median(shown[each]) for each in groups], color=EXCITATORY, linewidth=1.4)
     low, high = searched.ends
