@@ -89,6 +89,15 @@ class CaptureStepSpec(FileModel):
     )
     blend_back: Seconds = Field(gt=0, description="Time constant with which a foot comes back in its swing.")
 
+    def circuits(self) -> dict[str, CircuitGraph]:
+        """Both circuits, by the names of the fields.
+
+        Raises:
+            InputError: One is missing or wrong, or the one that decides lacks an output.
+        """
+        ankles = resolve(load_circuit(self.ankle_circuit))
+        return {"ankle_circuit": ankles, "hand_over": _deciding(self.hand_over)}
+
     def build(self, reference: WalkReference) -> CaptureStep:
         """The controller for a walk.
 
@@ -189,16 +198,15 @@ class CaptureStep:
         """Bind the numbers to a walk, and compile both circuits."""
         self.name = spec.controller
         step_s, body = reference.step_s, reference.body
+        circuits = spec.circuits()
         self._ankles = CircuitController(
-            resolve(load_circuit(spec.ankle_circuit)),
+            circuits["ankle_circuit"],
             body.observations,
             {name: unit for name, unit in body.commands.items() if name not in _LEGS},
             step_s,
             planned=planned_channels(reference),
         )
-        self._decision = CircuitController(
-            _deciding(spec.hand_over), HAND_OVER_INPUTS, HAND_OVER_OUTPUTS, step_s
-        )
+        self._decision = CircuitController(circuits["hand_over"], HAND_OVER_INPUTS, HAND_OVER_OUTPUTS, step_s)
         self._for_shares = [self._decision.commands.index(name) for name in HAND_OVER_OUTPUTS]
         self._sensed = SensedCom(reference, [CommandAxis("lateral")])
         self.observations = tuple(dict.fromkeys((*self._sensed.observations, *self._ankles.observations)))

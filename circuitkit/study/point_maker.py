@@ -312,6 +312,8 @@ class PointMaker:
             prints[f"yardstick {self._base_circuit}"] = self._print(graphs[1])
         if not isinstance(controller, str):
             prints[f"controller {scenario.controller}"] = self._print(controller)
+            inner = self._once(("inner", id(controller)), lambda: _circuits_of(controller))
+            prints |= {f"inner {name}": self._print(graph) for name, graph in inner.items()}
         return prints
 
     def _print(self, value: object) -> str:
@@ -463,3 +465,9 @@ def _without_paths(spec: BaseModel) -> dict[str, Any]:
 
 def _text(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _circuits_of(controller: ControllerSpec) -> Mapping[str, CircuitGraph]:
+    """The circuits that a controller file names, if its kind has any."""
+    circuits = getattr(controller, "circuits", None)
+    return circuits() if circuits else {}

@@ -66,7 +66,7 @@ def run(job: Job) -> Finding:
     """Search the largest forces, watch a walk that nobody pushes, draw a run that only a step survives."""
     study = load_study(STUDY)
     study = study.with_(_QUICK) if job.quick else study
-    limits = job.sweep(study).limits()
+    limits = job.sweep(study, apart="contender").limits()
     survived = by_contender(limits)
     kinds = tuple(next(iter(survived.values())))
     upright, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.image import imread
 
 from circuitkit.control import load_controller
+from circuitkit.source import find_data_file
 from circuitkit.study import load_study
 from circuitkit.study.push_bounds import PushKind
 from circuitkit.study.reproduce import stepping
@@ -56,3 +57,19 @@ def test_the_run_that_is_drawn_is_the_one_that_gains_most():
     calm = stepping.Calm(60.0, survived=True, stepping_ticks=0, nearest_m=-0.04, apart_m=0.0)
     verdicts = [claim.verdict for claim in stepping._claims(forces, calm, 20)]
     assert verdicts == [Verdict.HOLDS, Verdict.PARTLY, Verdict.HOLDS]
+
+
+def test_runs_are_others_when_a_circuit_within_the_controller_is_another(tmp_path):
+    """So that a result that was found with an older circuit is not taken for one of the new."""
+    controller, inner = tmp_path / "mine.yaml", tmp_path / "inner.yaml"
+    shipped = find_data_file("stepping", "sims/controllers").read_text(encoding="utf-8")
+    controller.write_text(shipped.replace("hand_over: hand_over", f"hand_over: {inner}"), encoding="utf-8")
+    original = find_data_file("hand_over", "circuits").read_text(encoding="utf-8")
+    keys = []
+    for margin in ("30 mm", "30 mm", "25 mm"):
+        inner.write_text(original.replace("value: 30 mm", f"value: {margin}"), encoding="utf-8")
+        point = load_study("stepping").point({"controller": str(controller)})
+        keys.append((point.run_key(0), point.shared_key))
+    assert keys[0] == keys[1]
+    assert keys[0][0] != keys[2][0]
+    assert keys[0][1] != keys[2][1]
