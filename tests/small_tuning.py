@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+from circuitkit.source import find_data_file
+
+# The circuit that is tuned: numbers of its own, so that tests do not depend on those of a shipped one.
+BASE = """\
+circuit: base
+control_step: 10 ms
+timing: ordered
+include: [binn_lateral.yaml]
+parameters: {w: -0.5 deg, leak: 4 %, margin: 4 mm, one_foot: 0.9}
+"""
 SMALL = """\
 study: small
 scenario: nao_push
 set: {gait: gait_march, "pushes[0].start.step": 4, "pushes[0].direction": outward}
 watch: 1 s
 tune:
-  circuit: binn_lateral_tuned
+  circuit: base.yaml
   parameters:
     w: {from: -2 deg, to: -0.1 deg, log: true}
     leak: {from: 1 %, to: 20 %}
@@ -33,7 +44,9 @@ tune:
 
 
 def written(folder: Path, *changes: tuple[str, str], text: str = SMALL) -> Path:
-    """The file of a tuning with some words changed."""
+    """The file of a tuning with some words changed; beside it lies the circuit that is tuned."""
+    shutil.copy(find_data_file("binn_lateral", "circuits"), folder)
+    (folder / "base.yaml").write_text(BASE, encoding="utf-8")
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)

@@ -74,7 +74,7 @@ def test_after_ctrl_c_the_best_so_far_is_written(circuitkit, study, monkeypatch)
 
 def test_the_file_that_is_tuned_is_not_overwritten(circuitkit, study, tmp_path):
     (tmp_path / "mine.yaml").write_text(circuitkit("show", "binn_lateral_tuned", "--resolved").out)
-    written(tmp_path, ("circuit: binn_lateral_tuned", "circuit: mine.yaml"))
+    written(tmp_path, ("circuit: base.yaml", "circuit: mine.yaml"))
     outcome = circuitkit("tune", study, "-o", "out", "--result", "mine.yaml")
     assert outcome.code == 1
     assert "--result: found 'mine.yaml', the file that is tuned; allowed: another file" in outcome.err

@@ -101,10 +101,10 @@ MISTAKES = [
     ((f"{FORCE}: [10 N]", f"{FORCE}: [¦10 mm]"), "found '6 mm', which is length"),
     ((f"axes: {{{FORCE}", f'axes: {{"pushes[0].farce": [¦9 N], {FORCE}'), "unknown key 'farce'"),
     (("calm: {set: {pushes: []", "calm: {set: {pushes: ¦no"), "found 'no'; allowed: a list"),
-    (("circuit: binn_lateral_tuned", "circuit: ¦binn_lateral_tuend"), "did you mean 'binn_lateral_tuned'?"),
+    (("circuit: base.yaml", "circuit: ¦binn_lateral_tuend"), "did you mean 'binn_lateral_tuned'?"),
     (("result: small_tuned", "result: ¦small tuned"), "found 'small tuned'"),
     (
-        ("tune:\n  circuit: binn_lateral_tuned", "tune:\n  ¦gait: gait_march\n  circuit: binn_lateral_tuned"),
+        ("tune:\n  circuit: base.yaml", "tune:\n  ¦gait: gait_march\n  circuit: base.yaml"),
         "one of",
     ),
     (("generation: 2", "generation: ¦1"), "found 1; allowed: at least 2"),
