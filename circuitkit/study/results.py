@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import circuitkit
 from circuitkit.errors import CircuitkitError, UnknownNameError
-from circuitkit.study.search import Boundary, allowed_falls, boundary
-from circuitkit.study.spec import RESERVED, Cell, Label, Study
+from circuitkit.study.search import allowed_falls, boundary
+from circuitkit.study.spec import Cell, Label, Study
 from circuitkit.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ class Results:
             mine = {values[row[search.field]]: row["survived"] for row in rows if row["seed"] == seed}
             ends.append(boundary(mine, search.count))
         each = tuple(amounts[low] if low >= 0 else 0.0 for low, _ in ends)
-        stood = sum(low >= 0 for low, _ in ends) if min(each) == amounts[0] else len(each)
+        stood = sum(low >= 0 for low, _ in ends)
         first = min(high for _, high in ends)
         return Limit(
             labels=cell.labels,
@@ -281,16 +281,3 @@ def read_results(folder: str | Path) -> Results:
     from circuitkit.study.store import Store
 
     return Store(Path(folder)).results()
-
-
-__all__ = [
-    "RESERVED",
-    "Boundary",
-    "Limit",
-    "Results",
-    "Row",
-    "Run",
-    "Share",
-    "read_results",
-    "wilson_interval",
-]

@@ -44,7 +44,7 @@ def study(**search):
     )
 
 
-def rows(limits_n):
+def rows(limits_n, forces=(0, 5, 6, 7, 12, 13, 30)):
     return tuple(
         {
             "pushes[0].direction": "inward",
@@ -53,7 +53,7 @@ def rows(limits_n):
             "survived": force <= limit,
         }
         for seed, limit in enumerate(limits_n)
-        for force in (0, 5, 6, 7, 12, 13, 30)
+        for force in forces
     )
 
 
@@ -69,6 +69,10 @@ def test_a_seed_that_survives_nothing_counts_as_fallen_at_the_smallest_value():
     (limit,) = Results(study(of="each_seed"), rows((12, -1, 30))).limits()
     assert limit.each == (12.0, 0.0, 30.0)
     assert (limit.largest, limit.survived, limit.runs) == (0.0, 2, 3)
+    (from_5_n,) = Results(
+        study(of="each_seed", low="5 N"), rows((12, -1, 30), forces=(5, 12, 13, 30))
+    ).limits()
+    assert (from_5_n.largest, from_5_n.survived, from_5_n.fails_at) == (0.0, 2, 5.0)
 
 
 @pytest.mark.parametrize("other", [{"survive": 0.9}, {"check_below": 1}])
