@@ -71,26 +71,6 @@ def threshold_lines(circuit: CircuitGraph, thresholds: Thresholds) -> Array:
     return lines
 
 
-@dataclass(frozen=True)
-class Verdicts:
-    """What became of B robots; each array of shape (B,), not a number where a `Verdict` has None."""
-
-    survived: NDArray[np.bool_]
-    time_of_fall_s: Array
-    max_zmp_excursion_m: Array
-    recovery_time_s: Array
-
-    def __getitem__(self, robot: int) -> Verdict:
-        """The verdict on one robot."""
-        fall, recovery = float(self.time_of_fall_s[robot]), float(self.recovery_time_s[robot])
-        return Verdict(
-            survived=bool(self.survived[robot]),
-            time_of_fall_s=None if np.isnan(fall) else fall,
-            max_zmp_excursion_m=float(self.max_zmp_excursion_m[robot]),
-            recovery_time_s=None if np.isnan(recovery) else recovery,
-        )
-
-
 def judge(recording: Recording, thresholds: Thresholds, robot: int = 0) -> Verdict:
     """Judge one robot of a recording."""
     fallen = has_fallen(recording.readings, recording.robot, recording.readings[0])[:, robot]

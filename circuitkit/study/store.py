@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import circuitkit
 from circuitkit.errors import CircuitkitError, InputError, MissingDependencyError, Problem
-from circuitkit.files import OutputError, replacing, write_text
+from circuitkit.files import replacing, write_text
 from circuitkit.study.jobs import Outcome
 from circuitkit.study.results import Results, Row
 from circuitkit.study.spec import Study, make_study
@@ -275,6 +275,3 @@ class _Nothing:
 
 def _shown(value: object) -> str:
     return "nothing" if value is _Nothing else json.dumps(value, ensure_ascii=False)
-
-
-__all__ = ["OutputError", "Store", "arrow", "manifest_of", "table_of"]

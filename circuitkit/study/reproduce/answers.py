@@ -37,19 +37,18 @@ class Answers:
         return np.asarray(self.outputs[standing][:, self.names.index(neuron)])
 
 
-def settled_answers(graph: CircuitGraph, zmp_m: Array, settled: int = _SETTLED) -> Answers:
+def settled_answers(graph: CircuitGraph, zmp_m: Array) -> Answers:
     """Hold the inputs until the network has settled.
 
     Args:
         graph: A network with the inputs `force_difference` and `zmp_y`.
         zmp_m: Places of the ZMP; shape (k,).
-        settled: Steps to wait.
     """
     program = compile_circuit(graph)
     columns = [list(program.input_names).index(name) for name in (FORCES, ZMP)]
     outputs = {}
     for standing, load in LOADS.items():
-        inputs = np.zeros((settled, len(zmp_m), len(program.input_names)))
+        inputs = np.zeros((_SETTLED, len(zmp_m), len(program.input_names)))
         inputs[..., columns[0]] = load
         inputs[..., columns[1]] = zmp_m
         outputs[standing] = run(program, inputs).output[-1]

@@ -21,7 +21,6 @@ class Verdict(StrEnum):
     HOLDS = "holds"
     PARTLY = "holds in part"
     FAILS = "does not hold"
-    SHOWN = "shown"  # a picture or a definition: nothing to measure against
 
 
 @dataclass(frozen=True)
@@ -173,19 +172,20 @@ def agrees(ours: float | None, paper: float, within: float) -> Verdict:
     return Verdict.HOLDS if off <= within else Verdict.PARTLY if off <= 3 * within else Verdict.FAILS
 
 
-def reaches(ours: float | None, wanted: float, at_least: float = -math.inf) -> Verdict:
+def reaches(ours: float | None, wanted: float, at_least: float = math.inf) -> Verdict:
     """Whether a number is as large as claimed: it holds from `wanted` on, in part above `at_least`.
 
     Args:
         ours: What was measured; None or not a number if it could not be.
         wanted: What is claimed, in the same unit.
-        at_least: What still speaks for the claim, such as 1 for a ratio that is claimed to be 1.5.
+        at_least: What still speaks for the claim, such as 1 for a ratio that is claimed to be 1.5; nothing by
+            default.
     """
-    if ours is None or math.isnan(ours) or ours <= at_least:
-        return Verdict.FAILS if ours is None or ours < wanted or math.isnan(ours) else Verdict.HOLDS
+    if ours is None or math.isnan(ours):
+        return Verdict.FAILS
     if ours >= wanted:
         return Verdict.HOLDS
-    return Verdict.PARTLY if math.isfinite(at_least) else Verdict.FAILS
+    return Verdict.PARTLY if ours > at_least else Verdict.FAILS
 
 
 def all_hold(*parts: bool) -> Verdict:

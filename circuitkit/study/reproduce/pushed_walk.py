@@ -55,23 +55,22 @@ class PushedWalk:
         return self.recording.walk.gait.control_step
 
 
-def record_pushed_walk(controller: str, seeds: Sequence[int], circuit: str | None = None) -> PushedWalk:
+def record_pushed_walk(controller: str, seeds: Sequence[int]) -> PushedWalk:
     """Run the scenario of section 5.2 for several seeds, until six seconds after the push.
 
     Args:
         controller: As in a scenario.
         seeds: Of noise and jitter.
-        circuit: Instead of the scenario's.
 
     Raises:
         InputError: A name is unknown.
     """
     scenario = load_scenario(SCENARIO)
-    plan = make_plan(scenario, circuit)
+    plan = make_plan(scenario)
     trials = [Trial(seed, scenario.pushes) for seed in seeds]
     last = float(plan.setup(controller, trials).fates.windows_s.max()) + WATCHED_S
     shorter = scenario.model_copy(update={"duration": min(scenario.duration, np.ceil(last))})
-    recording = run_loop(make_plan(shorter, circuit).setup(controller, trials))
+    recording = run_loop(make_plan(shorter).setup(controller, trials))
     verdicts = [judge(recording, scenario.thresholds, robot) for robot in range(len(trials))]
     return PushedWalk(shorter, recording, np.array([verdict.survived for verdict in verdicts]))
 

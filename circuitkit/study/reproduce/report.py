@@ -164,7 +164,6 @@ def _mark_verdicts(tokens: Sequence[Token]) -> None:
         Verdict.HOLDS.value: "holds",
         Verdict.PARTLY.value: "partly",
         Verdict.FAILS.value: "fails",
-        Verdict.SHOWN.value: "shown",
     }
     for cell, inside in pairwise(tokens):
         if cell.type == "td_open" and inside.content in classes:

@@ -36,12 +36,10 @@ class Times:
     """Mean times of a step in several runs.
 
     Attributes:
-        what: What was timed.
         steps: In each run.
         means_s: Mean time of a step, for each run.
     """
 
-    what: str
     steps: int
     means_s: tuple[float, ...]
 
@@ -71,7 +69,7 @@ def time_in_turns(works: Mapping[str, tuple[Callable[[int], object], int]], runs
             begin = time.process_time()
             work(steps)
             means[name].append((time.process_time() - begin) / steps)
-    return {name: Times(name, works[name][1], tuple(found)) for name, found in means.items()}
+    return {name: Times(works[name][1], tuple(found)) for name, found in means.items()}
 
 
 def network_steps(circuit: str, backend: str) -> Callable[[int], object]:
@@ -186,5 +184,5 @@ def time_in_the_loop(plan: Plan, controllers: Sequence[str], seeds: Sequence[int
             run_loop(replace(setup, controller=timed), threads=1)
             means.append(statistics.fmean(timed.durations_s))
             steps = max(steps, len(timed.durations_s))
-        found[name] = Times(name, steps, tuple(means))
+        found[name] = Times(steps, tuple(means))
     return found

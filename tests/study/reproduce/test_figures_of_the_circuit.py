@@ -156,10 +156,10 @@ def test_works_take_turns_and_are_timed_by_the_step():
 
 
 def test_mean_and_coefficient_of_variation():
-    times = Times("x", 10, (1e-6, 2e-6, 3e-6))
+    times = Times(10, (1e-6, 2e-6, 3e-6))
     assert times.mean_s == pytest.approx(2e-6)
     assert times.variation == pytest.approx(0.5)  # standard deviation of a sample over mean
-    assert math.isnan(Times("x", 10, (1e-6,)).variation)
+    assert math.isnan(Times(10, (1e-6,)).variation)
 
 
 class CountingProgram:
@@ -225,8 +225,8 @@ def test_controllers_are_timed_in_the_loop_and_do_the_same_there():
 
 def test_fig8_tells_times_as_parts_of_the_paper_s(tmp_path, monkeypatch):
     alone = {"compiled": 1e-7, "numpy": 2.5e-6, "solve": 4e-5}
-    made = {name: Times(name, 10, (mean, mean, 1.001 * mean)) for name, mean in alone.items()}
-    made["numpy"] = Times("numpy", 10, (2e-6, 2.5e-6, 3e-6))
+    made = {name: Times(10, (mean, mean, 1.001 * mean)) for name, mean in alone.items()}
+    made["numpy"] = Times(10, (2e-6, 2.5e-6, 3e-6))
     loop = dict.fromkeys(("circuit", "mpc", "mpc_full", "dcm_ankle"), made["solve"])
     monkeypatch.setattr(fig8, "time_in_turns", lambda works, runs: made if runs == 20 and works else {})
     monkeypatch.setattr(fig8, "time_in_the_loop", lambda *_: loop)

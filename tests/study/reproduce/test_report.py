@@ -107,7 +107,7 @@ def test_the_page_carries_all_that_it_shows(page):
 
 def test_the_page_colours_verdicts_and_nothing_else(page):
     _, resources = page
-    assert sorted(resources.classes) == ["fails", "holds", "partly", "shown"]
+    assert sorted(resources.classes) == ["fails", "holds", "partly"]
 
 
 def test_captions_are_small_and_nothing_else_is(page):
