@@ -84,11 +84,14 @@ def _text(study: Study) -> str:
         part, outward or inward (towards the foot in the air). A force counts as survived if the robot
         stands 5 s after the push in all {seeds} runs, and also with the forces next below; forces lie on
         a grid of {step}. {seeds} of {seeds} runs mean that at least {share * 100:.0f} % stand (95 %
-        Wilson interval). Robot, walk, pushes, noise and seeds are the same for all. The bound is what the
-        DCM (capture point) allows any control with the ankles: the largest constant force after which it
-        has not passed the outer edge that can still carry the robot, for a torso that stays upright and
-        is pushed where it is, above the centre of mass. At the height of the centre of mass more could be
-        held (point mass).""")
+        Wilson interval). Robot, walk, pushes, noise and seeds are the same for all; what they know is not.
+        `mpc` reads the angles of the joints, `binn` and `binn_tuned` the force cells; `mpc_full`,
+        `dcm_ankle` and `binn_capture` are told the true centre of mass and its velocity, which no sensor
+        of a NAO gives. The bound is what the DCM (capture point) allows any control with the ankles: the
+        largest constant force after which it has not passed the outer edge that can still carry the
+        robot, for a torso that stays upright and is pushed where it is, above the centre of mass. Who
+        turns the torso, or tips it, may hold more than that. At the height of the centre of mass more
+        could be held (point mass).""")
 
 
 def _table(forces: Forces, direction: str, where: str) -> Table:
@@ -134,10 +137,10 @@ def _draw(job: Job, forces: Forces, runs: int) -> Picture:
         file = save(figure, job.folder, "fig11")
     caption = words(f"""
         Largest force that the walk survives in all of {runs} runs, by how long it acts. Left, pushed away
-        from the foot in the air; right, towards it. Dotted, the bound for any control with the ankles,
-        for a push at the torso and, pale, for one at the height of the centre of mass. The star is the
-        one point that the paper's text gives of its figure, whose direction it does not tell.""")
-    return Picture(file, caption, "Falling curves, one for each controller, below the bound by the DCM.")
+        from the foot in the air; right, towards it. Dotted, the bound for any control with the ankles
+        that keeps the torso upright, pushed there and, pale, at the height of the centre of mass. The
+        star is the one point that the paper's text gives of its figure, whose direction it does not tell.""")
+    return Picture(file, caption, "Force over duration: a curve for each controller, and those of the bound.")
 
 
 def _panel(axes: Axes, forces: Forces, direction: str) -> None:

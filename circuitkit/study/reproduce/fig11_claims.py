@@ -18,6 +18,9 @@ _IN_WORDS = {READ: "as the paper reads", TUNED: "tuned", CAPTURE: "reading the c
 _SHORT_S = 0.3
 _TUNED_FOR_S = (0.1, 0.2, 0.4)
 _SOURCE, _BEYOND = "section 5.2", "beyond the paper"
+_KNOWS_MORE = (
+    "It is told the true centre of mass, which this MPC is not; its equal is the MPC that knows it, below."
+)
 
 
 def claims_of(forces: Forces, at_com: Forces, runs: int) -> tuple[Claim, ...]:
@@ -62,13 +65,14 @@ def _improvement(forces: Forces, name: str, how: str) -> Claim:
     verdict = reaches(ratio, IMPROVEMENT, 1.0)
     alone = "It falls even without a push. " if name in forces.falls_unpushed else ""
     reason = f"{alone}On this plant the paper's w is too quick and lifts the edge of the foot: see Fig. 9."
+    why = reason if name == READ and verdict is not Verdict.HOLDS else ""
     return Claim(
         f"The BiNN ({_IN_WORDS[name]}) is on average 52.55 % better than the MPC",
         "+52.55 %",
         signed_percent(ratio),
         f"{_circuit(forces, name)} over mpc; {how}",
         verdict,
-        why=reason if name == READ and verdict is not Verdict.HOLDS else "",
+        why=_KNOWS_MORE if name == CAPTURE else why,
         source=_SOURCE,
     )
 
@@ -127,7 +131,7 @@ def _of_bound(forces: Forces, name: str, where: str) -> Claim:
         "-",
         f"{part * 100:.0f} %",
         f"{_circuit(forces, name)} over the DCM bound, mean over 0.1, 0.2, 0.4 s and both directions",
-        reaches(part, WANTED_OF_BOUND, WANTED_OF_BOUND / 2),
+        reaches(part, WANTED_OF_BOUND),
         source=_BEYOND,
     )
 
@@ -144,6 +148,6 @@ def _full_feedback(forces: Forces, name: str, how: str) -> Claim:
         "-",
         signed_percent(ratio),
         f"{_circuit(forces, name)} over mpc_full; {how}",
-        reaches(ratio, 1.0, 0.9),
+        all_hold(ratio > 1.0),
         source=_BEYOND,
     )

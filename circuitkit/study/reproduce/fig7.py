@@ -239,7 +239,11 @@ def _claims_of_runs(planes: Mapping[str, Plane], seeds: int) -> Iterator[Claim]:
         "section 4.2, Fig. 7",
     )
     best = {direction: plane.largest_n(plane.best) for direction, plane in planes.items()}
-    under = [best[direction] <= plane.point_mass_n for direction, plane in planes.items()]
+    under = [
+        best[direction] <= bound
+        for direction, plane in planes.items()
+        for bound in (plane.bound_n, plane.point_mass_n)
+    ]
     yield Claim(
         "No w holds more than the bound of the DCM",
         "-",

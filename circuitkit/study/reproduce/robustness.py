@@ -69,7 +69,7 @@ def claims_of(circuit: str, ratios: Ratios, seeds: int) -> tuple[Claim, ...]:
     lost = [name for name, ratio in others.items() if not ratio.low > 1]
     gain = nominal.value - 1
     kept = sum(ratio.value - 1 >= _KEPT * gain for ratio in others.values()) if gain > 0 else 0
-    worst = min(others, key=lambda name: others[name].value)
+    worst = min(others, key=lambda name: (math.isnan(others[name].value), others[name].value))
     how = f"circuit {circuit} over open loop, mean force survived, 0.2 s, both directions; {seeds} seeds"
     return (
         Claim(

@@ -82,6 +82,17 @@ def test_a_condition_without_a_sure_gain_is_named():
     assert kept.verdict is Verdict.PARTLY
 
 
+def test_a_condition_in_which_the_open_loop_holds_nothing_is_not_the_worst_one():
+    ratios = {
+        "nominal": made_up(1.6, 1.5, 1.7),
+        "ice": made_up(math.nan, math.nan, math.nan),
+        "hill": made_up(1.2, 1.1, 1.3),
+    }
+    gain, kept = robustness.claims_of("binn", ratios, 12)
+    assert gain.why == "Not sure in: ice."
+    assert kept.ours.endswith("least 1.20 (1.10 to 1.30) (hill)")
+
+
 def test_neurons_that_are_worth_nothing_are_named():
     ratios = {
         "nothing": made_up(1.0, 1.0, 1.0),

@@ -113,6 +113,14 @@ def test_cells_are_sorted_by_the_line_of_eq_21():
     assert fig7._survived(planes, as_printed=False, stable=True) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("held", "verdict"), [(12.0, Verdict.HOLDS), (13.0, Verdict.PARTLY), (15.0, Verdict.FAILS)]
+)
+def test_both_bounds_count_that_of_the_push_on_the_torso_and_that_at_the_com(held, verdict):
+    _, claim = fig7._claims_of_runs({"outward": a_plane([[1.0, 1.0]], (0.01,), (5.0, held))}, 20)
+    assert claim.verdict is verdict
+
+
 def test_fig7_from_a_few_runs_to_the_pictures(tmp_path, monkeypatch):
     cut = {
         "axes": {"circuit.w": ["-0.5 deg", "1.63 deg"], "pushes[0].force": ["4 N", "22 N"]},

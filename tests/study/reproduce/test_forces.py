@@ -107,6 +107,19 @@ def test_more_than_eq_22_and_most_of_the_bound():
     assert found[FULL] is Verdict.HOLDS
 
 
+def test_what_is_short_of_the_bound_or_of_the_better_mpc_does_not_hold_in_part():
+    found = verdicts(paper_like(binn_tuned=(33,) * 8, mpc_full=(34,) * 8))
+    assert found[OF_BOUND] is Verdict.FAILS
+    assert found[FULL] is Verdict.FAILS
+
+
+def test_more_than_the_mpc_by_knowing_more_is_said_to_be_that():
+    claims = {claim.claim: claim for claim in claims_of(paper_like(), paper_like(), 20)}
+    why = claims["The BiNN (reading the capture point) is on average 52.55 % better than the MPC"].why
+    assert why.startswith("It is told the true centre of mass, which this MPC is not")
+    assert not claims[BETTER].why
+
+
 def test_directions_and_durations_come_sorted():
     found = paper_like()
     assert [kind.duration_s for kind in found.of_direction("inward")] == [0.1, 0.2, 0.4, 1.0]
