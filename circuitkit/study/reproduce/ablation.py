@@ -154,7 +154,7 @@ def _draw(job: Job, found: Mapping[str, Ratios], parts: Mapping[str, tuple[Lesio
             _rows(axes, names)
             for number, (circuit, ratios) in enumerate(found.items()):
                 _points(axes, circuit, ratios, names, number, len(found))
-            axes.set(xlim=(min(0.0, most), most), xlabel="force survived [%]")
+            axes.set(xlim=(0.0, most), xlabel="force survived [%]")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
         file = save(figure, job.folder, "ablation")

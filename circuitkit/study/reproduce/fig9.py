@@ -161,9 +161,7 @@ def _draw(job: Job, held: PushedWalk, fallen: PushedWalk) -> Picture:
         Position and velocity of the centre of mass to the side, from the middle between the feet, left is
         positive: before the push (grey) and from it on (dark). Left, held by the BiNN; right, the same
         push in open loop, cut off at the frame where it {ending}.""")
-    alt = (
-        "Two phase portraits: under the BiNN the trajectory returns to a closed loop; in open loop it leaves."
-    )
+    alt = "Two phase portraits of the CoM before the push and from it on: under the BiNN, and in open loop."
     return Picture(file, caption, alt)
 
 

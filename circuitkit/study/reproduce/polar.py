@@ -245,9 +245,10 @@ def _draw(job: Job, around: Around, runs: int) -> Picture:
     caption = words(f"""
         Left, the largest force that the walk survives in all of {runs} runs, by the direction of the push,
         {around.duration_s:g} s long, seen from above while the left foot carries; dotted, the bound for any
-        control with the ankles, for a push at the torso and, pale, at the height of the centre of mass.
+        control with the ankles that keeps the torso upright, pushed there and, pale, at the height of the
+        centre of mass.
         Right, the same as a part of the bound for a push at the torso.""")
-    alt = "A polar plot: the circuits' curves lie around that of the open loop, close to the bound."
+    alt = "A polar plot of the forces of both circuits, of the open loop and of the bound; and their ratios."
     return Picture(file, caption, alt)
 
 

@@ -221,7 +221,7 @@ def _draw_forces(job: Job, forces: Forces, runs: int) -> Picture:
     caption = words(f"""
         Largest force that the walk survives in all of {runs} runs. Left, pushed away from the foot in the
         air; right, towards it. The bound is for ankles alone.""")
-    return Picture(file, caption, "Curves of force by duration; the one with steps lies highest.")
+    return Picture(file, caption, "Force over duration: open loop, ankles alone, with steps, and the bound.")
 
 
 def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture:
@@ -257,7 +257,7 @@ def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture
         it (between the dashed lines); in the middle, when the circuit lets a step act, against a fall to the
         left or to the right; below, what is added to the walk. Shaded, the push.""")
     return Picture(
-        file, caption, "Time series: the DCM leaves its band, a foot goes outward, the DCM returns."
+        file, caption, "Time series: the DCM with its band, when a step acts, and the angles that are added."
     )
 
 
