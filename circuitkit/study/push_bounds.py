@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -33,57 +32,18 @@ class PushKind:
     duration_s: float
 
 
-PUSH_KINDS = tuple(
-    PushKind(direction, duration) for direction in ("outward", "inward") for duration in (0.1, 0.2, 0.4)
-)
-
-
-def dcm_bounds(
-    plan: Plan, kinds: Sequence[PushKind] = PUSH_KINDS, *, at_com_height: bool = False
-) -> dict[PushKind, float]:
-    """What no ankle controller can exceed: the DCM must stay where the feet reach while the push lasts.
-
-    The DCM at the start of the push comes from an undisturbed run. Outward it may not pass the outer edge of
-    the foot that carries; inward, since the other foot catches the body, that of the other foot. The torso is
-    taken as upright, and the push as acting where the scenario's does.
-
-    Args:
-        plan: The scenario's plan; its first push says when, and on which body at which height.
-        kinds: Directions and durations.
-        at_com_height: For pushes at the height of the CoM instead: those of a point mass.
-
-    Returns:
-        Newtons for each kind.
-    """
-    start = _start_of_push(plan)
-    push_height = None if at_com_height else start.push_height_m
-    feet = plan.robot.spec.feet
-    outer = {
-        "outward": plan.robot.spec.legs.hip_offset_y + feet.left.sole.left,
-        "inward": -plan.robot.spec.legs.hip_offset_y + feet.right.sole.right,
-    }
-    mass, height = plan.robot.mass_kg, start.com_height_m
-    xi = float(start.dcm_m[1] - start.middle_m[1])
-    return {
-        kind: largest_push_force(abs(outer[kind.direction] - xi), kind.duration_s, mass, height, push_height)
-        for kind in kinds
-    }
-
-
 @dataclass(frozen=True)
 class _PushStart:
     """An undisturbed robot when a push would start; positions forward and left, in the world.
 
     Attributes:
         dcm_m: DCM; shape (2,).
-        middle_m: Middle between the ankles; shape (2,).
         corners_m: Corners of both soles; shape (8, 2).
         com_height_m: Height of the CoM.
         push_height_m: Height at which the scenario's first push acts.
     """
 
     dcm_m: Array
-    middle_m: Array
     corners_m: Array
     com_height_m: float
     push_height_m: float
@@ -99,7 +59,6 @@ def _start_of_push(plan: Plan) -> _PushStart:
     ankles = np.stack([now[layout.foot(side)][:2] for side in range(2)])
     return _PushStart(
         dcm_m=dcm(now[layout.com][:2], now[layout.com_velocity][:2], height),
-        middle_m=ankles.mean(axis=0),
         corners_m=np.concatenate([_corners_m(foot.sole) for foot in (feet.left, feet.right)])
         + ankles.repeat(4, 0),
         com_height_m=height,

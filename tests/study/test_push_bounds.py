@@ -10,8 +10,11 @@ import pytest
 
 from circuitkit.gait.lipm import natural_frequency
 from circuitkit.simulate import Plan
+from circuitkit.simulate.disturbance import Trial, push_start
+from circuitkit.simulate.loop import run_loop
 from circuitkit.study import load_study, make_study, open_pool, run_points
-from circuitkit.study.push_bounds import PushKind, dcm_bounds, dcm_bounds_around
+from circuitkit.study.push_bounds import PushKind, dcm_bounds_around
+from circuitkit.study.reproduce.forces import bounds
 
 INWARD = PushKind("inward", 0.2)
 OUTWARD = PushKind("outward", 0.2)
@@ -38,7 +41,8 @@ def test_20_newtons_inward_fell_the_open_loop_and_not_the_circuit(plan: Plan):
         {"controller": "circuit", "pushes[0].direction": "outward"},
     ]
     assert stood(study, points, range(3)) == [0, 3, 0]
-    assert dcm_bounds(plan)[OUTWARD] < 20.0 < dcm_bounds(plan)[INWARD]
+    upright, _ = bounds(plan, (OUTWARD, INWARD))
+    assert upright[OUTWARD] < 20.0 < upright[INWARD]
 
 
 def test_the_tuned_circuit_is_a_point_of_its_grid_and_its_sign_matters():
@@ -56,10 +60,10 @@ def test_the_tuned_circuit_is_a_point_of_its_grid_and_its_sign_matters():
 
 
 def test_bounds_follow_the_duration_as_the_closed_form_says(plan: Plan):
-    bounds = dcm_bounds(plan)
     omega = natural_frequency(0.27)
     for direction in ("inward", "outward"):
-        forces = [bounds[PushKind(direction, duration)] for duration in (0.1, 0.2, 0.4)]
+        upright, _ = bounds(plan, [PushKind(direction, duration) for duration in (0.1, 0.2, 0.4)])
+        forces = list(upright.values())
         impulse_like = [
             force * -math.expm1(-omega * d) for force, d in zip(forces, (0.1, 0.2, 0.4), strict=True)
         ]
@@ -71,22 +75,34 @@ def test_bounds_follow_the_duration_as_the_closed_form_says(plan: Plan):
 
 def test_bounds_count_the_height_of_the_push(plan: Plan):
     """On the torso, whose centre of mass is 98 mm above the robot's; and a push 98 mm lower is at the CoM."""
-    upright, point_mass = dcm_bounds(plan)[OUTWARD], dcm_bounds(plan, at_com_height=True)[OUTWARD]
+    upright, point_mass = (found[OUTWARD] for found in bounds(plan, [OUTWARD]))
     assert upright / point_mass == pytest.approx(0.268 / 0.366, abs=0.005)
     lower = plan.scenario.pushes[0].model_copy(update={"height": -0.0976})
     scenario = plan.scenario.model_copy(update={"pushes": (lower,)})
-    assert dcm_bounds(dataclasses.replace(plan, scenario=scenario))[OUTWARD] == pytest.approx(
-        point_mass, rel=0.005
-    )
+    at_com, _ = bounds(dataclasses.replace(plan, scenario=scenario), [OUTWARD])
+    assert at_com[OUTWARD] == pytest.approx(point_mass, rel=0.005)
 
 
-def test_bounds_around_are_those_of_the_sides_and_forward_those_of_the_sole(plan: Plan):
-    found = dcm_bounds_around(plan, np.radians([0, 90, 180, 270]), 0.2)
-    sides = dcm_bounds(plan, [OUTWARD, INWARD])
-    assert found.upright_n[[1, 3]] == pytest.approx([sides[OUTWARD], sides[INWARD]], rel=0.01)
+def test_to_the_side_the_way_ends_at_the_outer_edge_of_a_foot(plan: Plan):
+    """Outward at that of the foot that carries, inward at that of the other one, which catches the body."""
+    recording = run_loop(plan.setup("open_loop", [Trial(plan.scenario.seed, ())]))
+    begin, _ = push_start(plan.scenario.pushes[0], plan.walk)
+    tick = round(begin / plan.walk.gait.control_step)
+    com_y, velocity = recording.com_m[tick, 0, 1], recording.com_velocity[tick, 0, 1]
+    omega = natural_frequency(float(recording.com_m[tick, 0, 2]))
+    hip, feet = plan.robot.spec.legs.hip_offset_y, plan.robot.spec.feet
+    dcm_y = com_y + velocity / omega
+    ways = np.array([hip + feet.left.sole.left - dcm_y, dcm_y + hip - feet.right.sole.right])
+    closed_form = plan.robot.mass_kg * omega**2 * ways / -math.expm1(-omega * 0.2)
+    _, point_mass = bounds(plan, [OUTWARD, INWARD])
+    assert list(point_mass.values()) == pytest.approx(closed_form, rel=0.01)
+
+
+def test_forward_the_way_ends_at_the_edge_of_the_sole(plan: Plan):
+    found = dcm_bounds_around(plan, np.radians([0, 180]), 0.2)
     # The CoM stands at zmp.forward, 25.7 mm before the ankles, between heel and toes of the sole.
     sole = plan.robot.spec.feet.left.sole
     ways = np.array([sole.front - 0.0257, 0.0257 - sole.back])
     omega = natural_frequency(0.268)
     closed_form = plan.robot.mass_kg * omega**2 * ways / -math.expm1(-omega * 0.2)
-    assert found.point_mass_n[[0, 2]] == pytest.approx(closed_form, rel=0.03)
+    assert found.point_mass_n == pytest.approx(closed_form, rel=0.03)

@@ -10,7 +10,7 @@ from circuitkit.study import load_study, wilson_interval
 from circuitkit.study.reproduce.drawing import LOOKS, WIDTH_IN, label_of, save
 from circuitkit.study.reproduce.fig11_claims import DIRECTIONS, LARGEST_N, claims_of
 from circuitkit.study.reproduce.finding import Finding, Picture, Table
-from circuitkit.study.reproduce.forces import Forces, bounds, by_contender, circuits_of, fall_unpushed
+from circuitkit.study.reproduce.forces import Forces, listed, measure
 from circuitkit.study.reproduce.job import Effort, Job
 from circuitkit.study.reproduce.numbers import plain, signed_percent, words
 
@@ -52,27 +52,10 @@ def run(job: Job) -> Finding:
         seeds=f"seeds {seeds[0]} to {seeds[-1]}",
         studies=(STUDY, THROUGH_COM),
         data={
-            "largest_survived_n": _flat(forces.survived),
-            "dcm_bound_n": _flat({"torso": forces.bound, "centre of mass": forces.point_mass}),
+            "largest_survived_n": listed(forces.survived),
+            "dcm_bound_n": listed({"torso": forces.bound, "centre of mass": forces.point_mass}),
         },
     )
-
-
-def measure(job: Job, study: Study) -> Forces:
-    """The largest survived forces of all contenders, and the bound on the same walk."""
-    limits = job.sweep(study, apart="contender").limits()
-    survived = by_contender(limits)
-    kinds = tuple(next(iter(survived.values())))
-    bound, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)
-    return Forces(survived, bound, point_mass, fall_unpushed(limits), circuits_of(study))
-
-
-def _flat(forces: Mapping[str, Mapping[Any, float]]) -> list[dict[str, Any]]:
-    return [
-        {"contender": name, "direction": kind.direction, "duration_s": kind.duration_s, "force_n": force}
-        for name, by_kind in forces.items()
-        for kind, force in by_kind.items()
-    ]
 
 
 def _text(study: Study) -> str:

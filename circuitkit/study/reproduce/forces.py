@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from circuitkit.study.push_bounds import PushKind, dcm_bounds_around
 if TYPE_CHECKING:
     from circuitkit.simulate import Plan
     from circuitkit.study import Limit, Study
+    from circuitkit.study.reproduce.job import Job
 
 DIRECTION, DURATION = "pushes[0].direction", "pushes[0].duration"
 
@@ -78,6 +79,24 @@ class Forces:
         """The pushes of a direction, the shortest first."""
         those = (kind for kind in self.kinds if kind.direction == direction)
         return tuple(sorted(those, key=lambda kind: kind.duration_s))
+
+
+def measure(job: Job, study: Study) -> Forces:
+    """The largest survived forces of all contenders of a study, and the bound on the same walk."""
+    limits = job.sweep(study, apart="contender").limits()
+    survived = by_contender(limits)
+    kinds = tuple(next(iter(survived.values())))
+    bound, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)
+    return Forces(survived, bound, point_mass, fall_unpushed(limits), circuits_of(study))
+
+
+def listed(forces: Mapping[str, Mapping[PushKind, float]]) -> list[dict[str, Any]]:
+    """Forces as rows, for the data of a finding."""
+    return [
+        {"contender": name, "direction": kind.direction, "duration_s": kind.duration_s, "force_n": force}
+        for name, by_kind in forces.items()
+        for kind, force in by_kind.items()
+    ]
 
 
 def mean(values: Iterable[float]) -> float:

@@ -16,7 +16,7 @@ from circuitkit.study import load_study
 from circuitkit.study.push_bounds import PushKind
 from circuitkit.study.reproduce.drawing import LOOKS, PUSH_FILL, WIDTH_IN, Look, save
 from circuitkit.study.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
-from circuitkit.study.reproduce.forces import Forces, bounds, by_contender, fall_unpushed
+from circuitkit.study.reproduce.forces import Forces, listed, measure
 from circuitkit.study.reproduce.job import Effort, Job
 from circuitkit.study.reproduce.numbers import count, plain, signed_percent, words
 
@@ -66,11 +66,7 @@ def run(job: Job) -> Finding:
     """Search the largest forces, watch a walk that nobody pushes, draw a run that only a step survives."""
     study = load_study(STUDY)
     study = study.with_(_QUICK) if job.quick else study
-    limits = job.sweep(study, apart="contender").limits()
-    survived = by_contender(limits)
-    kinds = tuple(next(iter(survived.values())))
-    upright, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)
-    forces = Forces(survived, upright, point_mass, fall_unpushed(limits))
+    forces = measure(job, study)
     calm = walk_calmly(study, _QUICK_CALM_S if job.quick else _CALM_S)
     shown = most_gained(forces)
     seeds = study.seeds
@@ -84,12 +80,8 @@ def run(job: Job) -> Finding:
         seeds=f"seeds {seeds[0]} to {seeds[-1]}; what is drawn and the walk without pushes: seed {seeds[0]}",
         studies=(STUDY,),
         data={
-            "largest_survived_n": [
-                {"contender": name, "direction": k.direction, "duration_s": k.duration_s, "force_n": force}
-                for name, own in survived.items()
-                for k, force in own.items()
-            ],
-            "bound_n": [upright[kind] for kind in kinds],
+            "largest_survived_n": listed(forces.survived),
+            "bound_n": list(forces.bound.values()),
             "calm_s": calm.duration_s,
             "calm_stepping_ticks": calm.stepping_ticks,
             "calm_nearest_m": calm.nearest_m,
