@@ -15,7 +15,7 @@ from circuitkit.errors import CircuitkitError, InputError
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.study.jobs import Done, Job, Outcome
 from circuitkit.study.points import Point
-from circuitkit.study.pool import Pool
+from circuitkit.study.pool import Pool, PoolError
 from circuitkit.study.results import Results, Run, rows_of
 from circuitkit.study.search import Asker, Boundary, EachBoundary, Wanted, grid_runs
 from circuitkit.study.spec import Settings, Study
@@ -147,11 +147,17 @@ def drive(
         keep: Is given a task's new runs, a batch at a time.
 
     Raises:
-        CircuitkitError: `batch` is less than 1; a worker has ended.
+        CircuitkitError: `batch` is less than 1; a worker has ended, or is at work for a call that was broken
+            off.
     """
     if batch is not None and batch < 1:
         message = f"found a batch of {batch}; allowed: 1 or more"
         raise CircuitkitError(message)
+    if pool.under_way:
+        message = (
+            f"the workers still have {pool.under_way} jobs of a call that was broken off; open a new pool"
+        )
+        raise PoolError(message)
     board = _Board(tasks)
     flying: dict[int, list[_Open]] = {}
     number = 0
@@ -165,10 +171,9 @@ def drive(
         if not flying:
             return
         done = pool.next()
-        if done.number in flying:  # else it is of an earlier call, which was broken off
-            for task, runs in board.settle(flying.pop(done.number), done).items():
-                if keep is not None and runs:
-                    keep(task, runs)
+        for task, runs in board.settle(flying.pop(done.number), done).items():
+            if keep is not None:
+                keep(task, runs)
 
 
 def _job(number: int, chosen: Sequence[_Open]) -> Job:

@@ -39,6 +39,11 @@ class Pool(ABC):
         """How many jobs to hand in before waiting for one."""
         return self.workers
 
+    @property
+    @abstractmethod
+    def under_way(self) -> int:
+        """How many jobs have been handed in and not been taken."""
+
     @abstractmethod
     def submit(self, job: Job) -> None:
         """Hand in a job."""
@@ -67,6 +72,11 @@ class ThisProcess(Pool):
     def workers(self) -> int:
         """One."""
         return 1
+
+    @property
+    def under_way(self) -> int:
+        """How many jobs wait."""
+        return len(self._jobs)
 
     def submit(self, job: Job) -> None:
         """Keep a job until it is waited for."""
@@ -103,6 +113,11 @@ class Processes(Pool):
     def workers(self) -> int:
         """How many processes there are."""
         return len(self._processes)
+
+    @property
+    def under_way(self) -> int:
+        """How many processes have a job."""
+        return len(self._busy)
 
     def submit(self, job: Job) -> None:
         """Send a job to a process without one; there is one as long as no more than `slots` are handed in."""
@@ -231,6 +246,11 @@ class DaskWorkers(Pool):
     def slots(self) -> int:
         """One job under way and one waiting for each thread, so that none waits for us."""
         return max(2 * self.workers, 1)
+
+    @property
+    def under_way(self) -> int:
+        """How many jobs the scheduler has."""
+        return int(self._futures.count())
 
     def submit(self, job: Job) -> None:
         """Send a job to the scheduler."""

@@ -234,6 +234,20 @@ def test_a_worker_that_is_killed_is_told():
         run_studies([small_study()], pool, progress=kill_one)
 
 
+def test_workers_that_still_have_jobs_of_a_call_that_was_broken_off_are_refused():
+    """Their outcomes would be taken for those of other runs."""
+
+    def stop(done, _):
+        if not done:
+            raise KeyboardInterrupt
+
+    with open_pool(1) as pool:
+        with pytest.raises(KeyboardInterrupt):
+            run_studies([small_study()], pool, progress=stop)
+        with pytest.raises(PoolError, match=r"the workers still have 1 jobs of a call .* open a new pool"):
+            run_studies([small_study()], pool)
+
+
 @pytest.mark.parametrize("workers", [0, -1, 5000])
 def test_numbers_of_workers_without_sense_are_refused(workers):
     with pytest.raises(CircuitkitError, match=rf"found {workers} workers; allowed: 1 to"), open_pool(workers):
