@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+import mujoco
+import numpy as np
+
 import circuitkit
 from circuitkit.errors import CircuitkitError
 from circuitkit.simulate import Plan, Push
@@ -65,6 +68,15 @@ class Job:
     trials: tuple[Trial, ...]
 
 
+def versions() -> dict[str, str]:
+    """The packages on which the bits of a run depend, with their versions."""
+    return {
+        "circuitkit": circuitkit.__version__,
+        "mujoco": mujoco.__version__,
+        "numpy": np.__version__,
+    }
+
+
 @dataclass(frozen=True)
 class Done:
     """A job that is done.
@@ -72,12 +84,12 @@ class Done:
     Attributes:
         number: The job's.
         outcomes: One for each trial, or what keeps that trial's point from being run.
-        version: Of circuitkit, where it was done.
+        versions: Where it was done.
     """
 
     number: int
     outcomes: tuple[Outcome | CircuitkitError, ...]
-    version: str = circuitkit.__version__
+    versions: Mapping[str, str] = field(default_factory=versions)
 
 
 def run_job(job: Job) -> Done:

@@ -12,9 +12,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, final
 
-import circuitkit
-from circuitkit.errors import CircuitkitError, MissingDependencyError
-from circuitkit.study.jobs import Done, Job, run_job
+from circuitkit.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.study.jobs import Done, Job, run_job, versions
 
 # One thread each for the libraries below numpy: the processes share the cores already.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
@@ -269,18 +268,27 @@ class DaskWorkers(Pool):
             )
             raise PoolError(message) from error
         assert isinstance(done, Done)
-        if done.version != circuitkit.__version__:
-            message = (
-                f"a Dask worker has circuitkit {done.version}; "
-                f"allowed: that of this process, {circuitkit.__version__}"
-            )
-            raise PoolError(message)
+        require_same_versions(done)
         return done
 
     def close(self) -> None:
         """Take back what is under way, and leave the scheduler and its workers as they are."""
         self._futures.clear()
         self._client.close()
+
+
+def require_same_versions(done: Done) -> None:
+    """Refuse outcomes that other versions may have made otherwise.
+
+    Raises:
+        PoolError: They are not those of this process.
+    """
+    ours = versions()
+    if other := [name for name in ours if done.versions.get(name) != ours[name]]:
+        found = listing(f"{name} {done.versions.get(name)}" for name in other)
+        allowed = listing(f"{name} {ours[name]}" for name in other)
+        message = f"a Dask worker has {found}; allowed: as this process, {allowed}"
+        raise PoolError(message)
 
 
 def processors() -> int:

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import circuitkit
 from circuitkit.errors import CircuitkitError, InputError, MissingDependencyError, Problem
 from circuitkit.files import replacing, write_text
-from circuitkit.study.jobs import Outcome
+from circuitkit.study.jobs import Outcome, versions
 from circuitkit.study.results import Results, Row
 from circuitkit.study.spec import Study, make_study
 from circuitkit.units import parse_quantity
@@ -80,9 +79,6 @@ def _with_unit(field: Any, text: str) -> Any:  # noqa: ANN401 - as above
 
 def manifest_of(study: Study, inputs: Mapping[str, str]) -> dict[str, Any]:
     """All that determines the runs of a study."""
-    import mujoco
-    import numpy as np
-
     data = study.document.data
     return {
         "format": _FORMAT,
@@ -90,11 +86,7 @@ def manifest_of(study: Study, inputs: Mapping[str, str]) -> dict[str, Any]:
         if isinstance(data, dict)
         else {},
         "files": dict(sorted(inputs.items())),
-        "versions": {
-            "circuitkit": circuitkit.__version__,
-            "mujoco": mujoco.__version__,
-            "numpy": np.__version__,
-        },
+        "versions": versions(),
     }
 
 

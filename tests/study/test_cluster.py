@@ -12,7 +12,8 @@ import pytest
 from study.cut import small_study
 
 from circuitkit.study import open_pool, sweep
-from circuitkit.study.pool import PoolError
+from circuitkit.study.jobs import Done, versions
+from circuitkit.study.pool import PoolError, require_same_versions
 
 pytest.importorskip("distributed")
 
@@ -90,3 +91,12 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
     message = r"cannot reach a Dask scheduler at 'tcp://127\.0\.0\.1:1'"
     with pytest.raises(PoolError, match=message), open_pool(scheduler="tcp://127.0.0.1:1"):
         pass
+
+
+def test_a_worker_with_other_versions_is_refused_since_its_bits_may_be_others():
+    require_same_versions(Done(1, ()))
+    ours = versions()
+    other = Done(1, (), ours | {"mujoco": "3.0.0"})
+    message = rf"a Dask worker has mujoco 3.0.0; allowed: as this process, mujoco {ours['mujoco']}"
+    with pytest.raises(PoolError, match=message):
+        require_same_versions(other)
