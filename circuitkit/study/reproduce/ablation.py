@@ -67,7 +67,7 @@ def run(job: Job) -> Finding:
         the right foot, so that both halves of the network are asked. 100 % is the whole circuit; the open
         loop is the circuit with everything silenced. Less than 100 % is what a part is worth; more means
         that the robot does better without it, against these pushes. Intervals (95 %) are a bootstrap over
-        the seeds."""),
+        the seeds; over so few they are rather too narrow."""),
         seeds=seeds_in_words(study),
         studies=(STUDY,),
         data={name: {each: vars(ratio) for each, ratio in ratios.items()} for name, ratios in found.items()},

@@ -55,7 +55,8 @@ def run(job: Job) -> Finding:
         in; neither knows. In each condition, for each of {seeds} seeds and both directions, the largest
         force of 0.2 s that the robot survives is searched, with a circuit and in open loop. The ratio is
         that of the means; its interval (95 %) is a bootstrap over the seeds, which both share, so that it
-        tells what other noise and other moments of the push might have given."""),
+        tells what other noise and other moments of the push might have given; over so few seeds it is
+        rather too narrow."""),
         seeds=seeds_in_words(study),
         studies=(STUDY,),
         data={name: {each: vars(ratio) for each, ratio in own.items()} for name, own in ratios.items()},
