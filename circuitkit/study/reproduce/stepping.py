@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from circuitkit.study import Study
 
 TITLE = "Stepping beside the ankles"
-EFFORT = Effort(full_s=240.0, quick_s=40.0)
+EFFORT = Effort(full_s=160.0, quick_s=30.0)
 STUDY = "stepping"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "3 N", "check_below": 0}}
 _LOOKS: Mapping[str, Look] = {
@@ -128,6 +128,7 @@ def _traced(recording: Recording, name: str) -> Any:  # noqa: ANN401 - an array
 def _claims(forces: Forces, calm: Calm, runs: int) -> tuple[Claim, ...]:
     stepping, kinds = forces.survived["stepping"], forces.kinds
     above = [kind for kind in kinds if stepping[kind] > forces.bound[kind]]
+    alone = [kind for kind in kinds if forces.survived["ankles"][kind] > forces.bound[kind]]
     best = max(kinds, key=lambda kind: stepping[kind] / forces.bound[kind])
     ratio, won = forces.ratio("stepping", "ankles"), forces.wins("stepping", "ankles")
     how = f"largest force survived in all of {runs} runs, durations and directions of the study"
@@ -143,13 +144,16 @@ def _claims(forces: Forces, calm: Calm, runs: int) -> tuple[Claim, ...]:
         Claim(
             "With steps the walk survives beyond the bound of the ankles",
             "-",
-            f"in {count(len(above), len(kinds))} kinds of push; most: {plain(stepping[best])} N against "
-            f"{plain(forces.bound[best])} N, {best.direction} for {best.duration_s:g} s",
+            f"in {count(len(above), len(kinds))} kinds of push (the ankles alone in {len(alone)}); most: "
+            f"{plain(stepping[best])} N against {plain(forces.bound[best])} N, {best.direction} for "
+            f"{best.duration_s:g} s",
             f"the bound by the DCM for ankles alone, torso upright; {how}",
             reaches(len(above), len(kinds), 0),
             why=words("""
             Mostly it is no step in the air: after some 50 ms the body has tipped onto the other foot, or it
-            falls over the foot on which it stands. Spreading the leg then pushes the body back from it."""),
+            falls over the foot on which it stands. Spreading the leg then pushes the body back from it. The
+            bound is for a torso that stays upright; one that leans for a moment takes up some of the push, so
+            ankles may exceed it, too."""),
             source="beyond the paper",
         ),
         Claim(
