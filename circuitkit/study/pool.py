@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from abc import ABC, abstractmethod
 from collections import deque
@@ -18,6 +19,7 @@ from circuitkit.study.jobs import Done, Job, run_job, versions
 # One thread each for the libraries below numpy: the processes share the cores already.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
 _CONNECT_S = 10.0
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):\d{1,5}")
 _MOST_WORKERS = 1024
 
 
@@ -219,6 +221,10 @@ class DaskWorkers(Pool):
         except ImportError as error:
             package, extra = "distributed", "cluster"
             raise MissingDependencyError(package, extra, "a sweep on a Dask scheduler") from error
+        if not _ADDRESS.fullmatch(address):  # or distributed leaves a client behind that never closes
+            allowed = "the address of a Dask scheduler, such as tcp://192.168.0.7:8786"
+            message = f"found '{address}'; allowed: {allowed}"
+            raise PoolError(message)
         try:
             client: Any = Client
             self._client = client(address, timeout=_CONNECT_S, set_as_default=False)

@@ -18,6 +18,13 @@ from circuitkit.study.pool import PoolError, require_same_versions
 pytest.importorskip("distributed")
 
 
+@pytest.mark.parametrize("address", ["nonsense", "", "http://127.0.0.1:1", "tcp://127.0.0.1", "tcp://:8786"])
+def test_what_is_no_address_of_a_scheduler_is_refused_at_once(address):
+    refused = pytest.raises(PoolError, match=r"allowed: the address of a Dask scheduler, such as tcp://")
+    with refused, open_pool(scheduler=address):
+        pass
+
+
 @contextmanager
 def process(*words):
     """A process that is killed at the end, with the lines that it writes."""
