@@ -37,7 +37,7 @@ def replacing(path: Path) -> Iterator[Path]:
     direct = target.exists() and not target.is_file()
     part = target if direct else target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        _make_folder(target.parent)
         yield part
         if not direct:
             part.replace(target)
@@ -48,6 +48,14 @@ def replacing(path: Path) -> Iterator[Path]:
         if not direct:
             with suppress(OSError):
                 part.unlink()
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        file = next((each for each in (folder, *folder.parents) if each.exists()), folder)
+        raise OSError(error.errno, f"'{file.name}' is no folder") from error
 
 
 def write_text(path: Path, text: str) -> None:

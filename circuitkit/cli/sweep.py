@@ -93,6 +93,8 @@ def sweep(
     if dry_run:
         _print_estimate(loaded, workers, as_json=as_json)
         return
+    axes = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
+    loaded.require_axes(axes or ())
     from circuitkit.study import sweep as run_sweep
 
     try:
@@ -107,7 +109,6 @@ def sweep(
     except KeyboardInterrupt as interruption:
         note(str(interruption))
         raise
-    axes = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
     if as_json:
         print_json(as_data(results, output, axes))
         return
@@ -212,8 +213,11 @@ def _print_estimate(study: Study, workers: int | None, *, as_json: bool) -> None
     span = f"{found.shortest_s:g} s"
     if not math.isclose(found.shortest_s, found.longest_s):
         span = f"{found.shortest_s:g} to {found.longest_s:g} s"
-    print(f"{found.cells} cells, {len(study.seeds)} seeds: {about}{total}runs of {span} each")
-    print(f"about {_duration(seconds)} with {count} workers here, by the time that a few robots took")
+    cells, each = _count(found.cells, "cell"), _count(len(study.seeds), "seed")
+    print(f"{cells}, {each}: {about}{total}runs of {span} each")
+    print(
+        f"about {_duration(seconds)} with {_count(count, 'worker')} here, by the time that a few robots took"
+    )
 
 
 def _estimate_data(study: Study, found: Estimate, workers: int, seconds: float) -> Mapping[str, Any]:
@@ -226,6 +230,10 @@ def _estimate_data(study: Study, found: Estimate, workers: int, seconds: float) 
         "workers": workers,
         "seconds": seconds,
     }
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _duration(seconds: float) -> str:

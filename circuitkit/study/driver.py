@@ -177,6 +177,7 @@ def estimate(study: Study) -> Estimate:
     runs = round(task.about() * len(study.cells))
     search = boundary_of(study)
     most = (search.most() if search else len(study.seeds)) * len(study.cells)
+    runs = min(runs, most)  # the guess is for wide grids
     mean = sum(durations) / len(durations)
     each = _seconds_a_second(points(0, 0))
     return Estimate(len(study.cells), runs, most, min(durations), max(durations), each * mean * runs)

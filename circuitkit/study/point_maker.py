@@ -401,7 +401,8 @@ class PointMaker:
             return make()
         except InputError as error:
             named = [change for change in changes if change.parts == (key,)]
-            inside = [p for p in error.problems if p.file and p.file not in {name, self._base.path}]
+            files = {problem.file for problem in error.problems} - {"", self._base.path}
+            inside = [file for file in files if file != name or Path(file).is_file()]
             if named and not inside:
                 problems = [p for p in error.problems if p.where in {"", key}]
                 if problems:

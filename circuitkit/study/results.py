@@ -11,7 +11,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import circuitkit
-from circuitkit.errors import CircuitkitError, UnknownNameError
+from circuitkit.errors import CircuitkitError
 from circuitkit.study.search import allowed_falls, boundary
 from circuitkit.study.spec import Cell, Label, Study
 from circuitkit.units import parse_quantity
@@ -218,10 +218,7 @@ class Results:
             UnknownNameError: The study has no such axis.
         """
         axes = tuple(self.study.axes)
-        for name in by or ():
-            if name not in axes:
-                kind = "axis"
-                raise UnknownNameError(kind, name, axes)
+        self.study.require_axes(by or ())
         kept = axes if by is None else tuple(axis for axis in axes if axis in by)
         groups: dict[tuple[Label, ...], tuple[Cell, list[Row]]] = {}
         for cell, rows in zip(self.study.cells, self._by_cell, strict=True):

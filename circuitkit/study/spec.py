@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from decimal import Decimal
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.errors import InputError, Problem, UnitError, UnknownNameError, listing, suggest
 from circuitkit.source import (
     Data,
     Document,
@@ -250,6 +250,17 @@ class Study:
     def axes(self) -> Mapping[str, tuple[AxisValue, ...]]:
         """The values of every axis, in the order of the file."""
         return {name: tuple(_values(name, axis)) for name, axis in self.file.axes.items()}
+
+    def require_axes(self, names: Iterable[str]) -> None:
+        """See whether these are axes of the study.
+
+        Raises:
+            UnknownNameError: One is not.
+        """
+        for name in names:
+            if name not in self.axes:
+                kind = "axis"
+                raise UnknownNameError(kind, name, self.axes)
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:

@@ -141,6 +141,8 @@ class Store:
             return {}
         if not resume:
             count = sum(1 for _ in self._rows())
+            if count == 0 and self._manifest() == manifest:  # it was stopped before the first batch
+                return {}
             message = (
                 f"'{self.folder}' has {count} runs of the study '{self._manifest()['study'].get('study')}'; "
                 "go on with them by --resume (resume=True), or name another folder"

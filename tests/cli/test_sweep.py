@@ -80,6 +80,8 @@ def test_a_dry_run_counts_and_runs_nothing(circuitkit, study, tmp_path):
         (["tow", "-o", "out"], 1, "unknown name 'tow'; allowed: a path, or one of the shipped studies"),
         (["two.yaml", "-o", "out", "--workers", "0"], 2, "greater than or equal to 1"),
         (["two.yaml", "-o", "out", "--workers", "2", "--scheduler", "tcp://x:1"], 3, "not both"),
+        (["two.yaml", "-o", "out", "--by", "contendr"], 1, "unknown axis 'contendr'"),
+        (["two.yaml", "-o", "two.yaml", "--workers", "1"], 3, "'two.yaml' is no folder"),
     ],
 )
 @pytest.mark.usefixtures("study")

@@ -19,6 +19,7 @@ from circuitkit.simulate.loop import run_loop, run_to_see_who_stands
 from circuitkit.simulate.verdict import judge
 from circuitkit.source import data_folder
 from circuitkit.study import make_study, open_pool, read_results, run_points, run_studies, sweep
+from circuitkit.study.driver import estimate
 from circuitkit.study.pool import PoolError
 
 
@@ -163,6 +164,21 @@ def test_a_full_disk_is_told_and_keeps_what_is_there(tmp_path, monkeypatch):
     study = small_study().with_({"search": None, "seeds": {"count": 1}, "axes": {"contender": ["open loop"]}})
     with pytest.raises(OutputError, match=r"No space left on device; the runs before are kept in .*--resume"):
         sweep(study, tmp_path, workers=1, progress=False)
+
+
+def test_a_sweep_that_was_stopped_before_its_first_run_begins_again_without_a_word(tmp_path):
+    study = small_study().with_({"search": None, "seeds": {"count": 1}, "axes": {"contender": ["open loop"]}})
+    with pytest.raises(CircuitkitError, match="found 0 workers"):
+        sweep(study, tmp_path, workers=0)
+    with pytest.raises(CircuitkitError, match="has 0 runs of the study"):
+        sweep(study.with_({"watch": "0.3 s"}), tmp_path, workers=1, progress=False)
+    assert sweep(study, tmp_path, workers=1, progress=False).complete
+
+
+def test_the_estimate_is_no_more_than_the_most():
+    search = {"field": "pushes[0].force", "low": "0 N", "high": "10 N", "step": "5 N", "check_below": None}
+    found = estimate(small_study().with_({"search": search, "seeds": {"count": 1}}))
+    assert found.runs <= found.most
 
 
 def test_a_folder_without_results_is_told(tmp_path):
