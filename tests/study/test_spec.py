@@ -250,6 +250,24 @@ def test_an_unknown_scenario_is_told_where_the_study_names_it(tmp_path):
     assert found.endswith("did you mean 'nao_push'?")
 
 
+def test_a_circuit_as_a_whole_is_complained_about_in_its_own_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "circuit.yaml").write_text("circuit: broken\ncontrol_step: 10 ms\n")
+    written(tmp_path, *HEAD, "axes: {circuit: [circuit.yaml, nowhere.yaml]}")
+    found = complaints("mine.yaml")
+    assert [text for text in found if text.startswith("circuit.yaml:1:1: missing key 'timing'")]
+    assert [
+        text for text in found if text.startswith("4:32: circuit: there is no such file; allowed: a YAML")
+    ]
+
+
+def test_a_path_with_brackets_between_braces_is_told_to_need_quotes(tmp_path):
+    path = written(tmp_path, *HEAD, "set: {watch: 3 s, pushes[0].force: 3 N}")
+    (complaint,) = complaints(path)
+    assert complaint.startswith("4:25: this is not YAML")
+    assert complaint.endswith('put a name with brackets in quotes, such as "pushes[0].force"')
+
+
 def test_files_beside_the_study_are_found_from_anywhere(tmp_path, monkeypatch):
     gait = find_data_file("gait_march", GAIT_FOLDER).read_text().replace("gait: gait_march", "gait: mine")
     (tmp_path / "my_gait.yaml").write_text(gait)
