@@ -170,16 +170,15 @@ class WalkReference:
         return rows
 
 
-def walk_reference(walk: Walk, body: Body, ahead_s: float = AHEAD_S) -> WalkReference:
+def walk_reference(walk: Walk, body: Body) -> WalkReference:
     """The plan of a walk as a controller may know it.
 
     Args:
         walk: The walk.
         body: The robot.
-        ahead_s: How much further than the walk's end it goes on.
     """
     gait, dt = walk.gait, walk.gait.control_step
-    rows = walk.ticks + round(ahead_s / dt)
+    rows = walk.ticks + round(AHEAD_S / dt)
     steps = max(rows - round(gait.stand / dt), 0) // gait.step_ticks + 1 + _TAIL_STEPS
     longer = plan_steps(gait, steps)
     com = com_from_zmp(longer.zmp_m, gait.com_height, dt)

@@ -167,7 +167,8 @@ def time_to_limit_cycle_s(walk: PushedWalk) -> tuple[float | None, ...]:
         Seconds for each robot, nothing for one that fell or had not returned at the end.
     """
     recording = walk.recording
-    omega = natural_frequency(float(recording.com_m[:100, :, 2].mean()))
+    heights = recording.com_m[:100, :, 2].mean(axis=0)
+    omega = np.array([natural_frequency(float(height)) for height in heights])  # each robot for itself
     points = np.stack([recording.com_m[..., 1], recording.com_velocity[..., 1] / omega], axis=-1)
     return tuple(_return_s(walk, points[:, robot], robot) for robot in range(points.shape[1]))
 
