@@ -130,7 +130,7 @@ def _panel(axes: Axes, forces: Forces, direction: str) -> None:
     kinds = forces.of_direction(direction)
     durations = [kind.duration_s for kind in kinds]
     tidy(axes)
-    for name, bound in (("point_mass", forces.point_mass), ("bound", forces.bound)):
+    for name, bound in (("bound", forces.bound), ("point_mass", forces.point_mass)):
         axes.plot(durations, [bound[kind] for kind in kinds], **LOOKS[name].line(linewidth=1.6))
     for name, own in forces.survived.items():
         axes.plot(durations, [own[kind] for kind in kinds], **LOOKS[name].line())
