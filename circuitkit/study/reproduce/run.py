@@ -125,12 +125,12 @@ def effort_of(name: str) -> Effort:
 
 
 def inputs_digest() -> str:
-    """A digest of every circuit, scenario, gait, controller and study that ships."""
+    """A digest of every circuit, scenario, gait, controller, study and robot that ships."""
     digest = hashlib.sha256()
-    for kind in ("circuits", "sims"):
-        place = Path(data_folder(kind))
-        for path in sorted(place.rglob("*.yaml")):
-            digest.update(f"{kind}/{path.relative_to(place).as_posix()}\n".encode())
+    robots = Path(circuitkit.__file__).parent / "robots"
+    for place in (Path(data_folder("circuits")), Path(data_folder("sims")), robots):
+        for path in sorted(each for each in place.rglob("*") if each.suffix in {".yaml", ".xml"}):
+            digest.update(f"{place.name}/{path.relative_to(place).as_posix()}\n".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
