@@ -56,7 +56,7 @@ def as_markdown(entries: Sequence[Entry]) -> str:
 def _head(entries: Sequence[Entry]) -> Iterator[str]:
     yield f"# {TITLE}\n"
     yield f"The paper is {_PAPER}. All of it, and what it left open, is made by one command:\n"
-    yield "```sh\ncircuitkit reproduce -o DIR\ncircuitkit reproduce -o DIR --quick    # coarser\n```\n"
+    yield "```text\ncircuitkit reproduce -o DIR\ncircuitkit reproduce -o DIR --quick    # coarser\n```\n"
     if coarse := [entry.finding.figure for entry in entries if entry.quick]:
         yield f"Made with `--quick`, that is with fewer seeds and coarser grids: {', '.join(coarse)}.\n"
 
