@@ -113,7 +113,8 @@ def sweep(
         print_json(as_data(results, output, axes))
         return
     print_found(results, axes)
-    note(f"wrote {(output or Path()) / 'results.parquet'}: {len(results.rows)} runs")
+    runs = "1 run" if len(results.rows) == 1 else f"{len(results.rows)} runs"
+    note(f"wrote {(output or Path()) / 'results.parquet'}: {runs}")
 
 
 def as_data(results: Results, folder: Path | None = None, by: Sequence[str] | None = None) -> dict[str, Any]:

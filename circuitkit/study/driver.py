@@ -68,7 +68,9 @@ def sweep(
         results = task.results()
         store.finish(results)
     except KeyboardInterrupt:
-        message = f"{store.count()} runs are kept in '{folder}'; --resume (resume=True) goes on with them"
+        count = store.count()
+        kept = "1 run is" if count == 1 else f"{count} runs are"
+        message = f"{kept} kept in '{folder}'; --resume (resume=True) goes on with the study"
         raise KeyboardInterrupt(message) from None
     except OutputError as error:
         message = f"{error}; the runs before are kept in '{folder}', --resume (resume=True) goes on with them"

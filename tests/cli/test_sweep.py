@@ -106,5 +106,7 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path):
     _, said = running.communicate(timeout=20)
     assert running.returncode == 130
     kept = 2 * len(list(parts.iterdir()))
-    assert said == f"{kept} runs are kept in 'out'; --resume (resume=True) goes on with them\ninterrupted\n"
+    assert (
+        said == f"{kept} runs are kept in 'out'; --resume (resume=True) goes on with the study\ninterrupted\n"
+    )
     assert not list(parts.glob("*.part*"))

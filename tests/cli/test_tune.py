@@ -41,7 +41,12 @@ def test_json_and_resumption(circuitkit, study):
     assert first["trials"] == 3
     again = circuitkit(*words)
     assert again.code == 1
-    assert "go on with it by --resume" in again.err
+    assert again.err == (
+        "--output: found a study 'small' in 'out' already; "
+        "go on with it by --resume, or choose another folder\n"
+    )
+    in_it = circuitkit(*words, "--storage", "sqlite:///out/trials.db")
+    assert "--storage: found a study 'small' in sqlite:///out/trials.db already" in in_it.err
     more = json.loads(circuitkit(*words, "--resume", "--trials", "5", "--result", "mine.yaml").out)
     assert more["trials"] == 5
     assert more["result"] == "mine.yaml"

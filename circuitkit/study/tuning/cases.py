@@ -146,6 +146,6 @@ def _scaled(settings: Settings, path: str, factor: float, document: Document, pl
 
 
 def in_words(seeds: Seeds) -> str:
-    """Such as `100 to 104`."""
+    """Such as `seeds 100 to 104`, or `seed 100`."""
     numbers = seeds.each()
-    return f"{numbers[0]} to {numbers[-1]}" if len(numbers) > 1 else str(numbers[0])
+    return f"seeds {numbers[0]} to {numbers[-1]}" if len(numbers) > 1 else f"seed {numbers[0]}"

@@ -115,8 +115,12 @@ _STATISTICS: Mapping[str, Callable[[NDArray[np.float64]], Any]] = {
 
 
 def columns(row: Row) -> list[str]:
-    """The columns of a row that hold numbers, or nothing."""
-    return [name for name, value in row.items() if value is None or isinstance(value, bool | int | float)]
+    """The columns of a row that hold numbers, or nothing, and say something of the run."""
+    return [
+        name
+        for name, value in row.items()
+        if name != "seed" and (value is None or isinstance(value, bool | int | float))
+    ]
 
 
 def limit(cases: Sequence[Case], rows: Sequence[Sequence[Row]]) -> float:

@@ -153,13 +153,13 @@ def provenance(
     sentences = [
         f"Found by circuitkit {circuitkit.__version__}: {command} (study {file.study}; {by}).",
         f"Objective, {'most' if spec.maximise else 'least'}: {objective_in_words(spec)}.",
-        f"Training, seeds {in_words(spec.train.seeds)}: {_figures(spec, train)}.",
+        f"Training, {in_words(spec.train.seeds)}: {_figures(spec, train)}.",
     ]
     if confirmed is not None and spec.confirm is not None:
         among = f"Chosen among the best {spec.confirm.best}"
-        sentences.append(f"{among}, seeds {in_words(spec.confirm.seeds)}: {_figures(spec, confirmed)}.")
+        sentences.append(f"{among}, {in_words(spec.confirm.seeds)}: {_figures(spec, confirmed)}.")
     seeds = in_words(spec.test.seeds)
-    sentences.append(f"Test, seeds {seeds}: {_figures(spec, test)}." if test else "The test was not run.")
+    sentences.append(f"Test, {seeds}: {_figures(spec, test)}." if test else "The test was not run.")
     return [line for each in sentences for line in textwrap.wrap(each, _WIDTH - 2, break_on_hyphens=False)]
 
 
@@ -176,7 +176,8 @@ def objective_in_words(spec: TuneSpec) -> str:
 
 
 def _figures(spec: TuneSpec, score: Score) -> str:
-    return f"{score.value:.6g} ({', '.join(figures_in_words(spec.terms, score.figures))}; {score.runs} runs)"
+    runs = "1 run" if score.runs == 1 else f"{score.runs} runs"
+    return f"{score.value:.6g} ({', '.join(figures_in_words(spec.terms, score.figures))}; {runs})"
 
 
 def figures_in_words(terms: Sequence[Term], figures: Sequence[float]) -> Iterator[str]:

@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.circuit import load_circuit, resolve
-from circuitkit.errors import CircuitkitError, InputError, Problem, UnitError
+from circuitkit.control import CircuitController
+from circuitkit.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
 from circuitkit.source import Data, Place, find_data_file, read_yaml
 from circuitkit.study.driver import run_points
 from circuitkit.study.jobs import Outcome
-from circuitkit.study.points import fingerprint
+from circuitkit.study.points import Point, fingerprint
 from circuitkit.study.pool import Pool, open_pool
 from circuitkit.study.tuning.cases import Case, Runs
 from circuitkit.study.tuning.history import draw_history, write_table
-from circuitkit.study.tuning.objective import Row, Score, score
+from circuitkit.study.tuning.objective import LIMIT, Row, Score, columns, score
 from circuitkit.study.tuning.result import FOLDERS, make_folder, provenance, write_result
 from circuitkit.study.tuning.search import Candidate, Found, Search, Told, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
@@ -128,7 +129,7 @@ def tune(
     tuning = study if isinstance(study, Tuning) else load_tuning(study)
     folder = Path(folder)
     path = Path(result) if result is not None else folder / f"{tuning.spec.result}.yaml"
-    if path.resolve() == find_data_file(tuning.base, FOLDERS[tuning.spec.target]).resolve():
+    if path.resolve() == _file_of(tuning).resolve():
         message = f"found '{path}', the file that is tuned; allowed: another file"
         raise InputError(Problem("", 0, 0, "--result", message))
     parts = {part: tuning.runs(part) for part in tuning.parts()}
@@ -140,7 +141,13 @@ def tune(
         clock = _Clock(total, progress)
         measure = Measure(tuning, parts[TRAIN], pool, clock.runs)
         found = run_search(
-            search, storage or _database(folder), total, measure, resume=resume, before=clock.generation
+            search,
+            storage or _database(folder),
+            total,
+            measure,
+            resume=resume,
+            folder=None if storage else folder,
+            before=clock.generation,
         )
         if not any(told.value is not None for told in found.told) and found.interrupted:
             raise KeyboardInterrupt
@@ -151,6 +158,21 @@ def tune(
     write_result(tuning, best.settings, provenance(tuning, found, best, confirmed, test), path)
     start = next((told for told in found.told if told.number == 0 and told.value is not None), None)
     return Tuned(found, best, confirmed, test, start, path)
+
+
+def _file_of(tuning: Tuning) -> Path:
+    """The file that is tuned.
+
+    Raises:
+        InputError: There is none; says where the study names it.
+    """
+    target = tuning.spec.target
+    try:
+        return find_data_file(tuning.base, FOLDERS[target])
+    except InputError as error:
+        place: Place = ("tune", target)
+        problems = (tuning.document.problem(place, each.message, each.hint) for each in error.problems)
+        raise InputError(*problems) from error
 
 
 def _chosen(
@@ -333,6 +355,8 @@ class _Clock:
 def check(tuning: Tuning, runs: Sequence[Runs]) -> None:
     """See whether what is searched exists and may have the values of its range, and the cases are sound.
 
+    So are the figures of the objective: whatever the first runs would have complained about.
+
     Raises:
         InputError: With everything that is not; says where in the file of the tuning.
     """
@@ -355,9 +379,41 @@ def check(tuning: Tuning, runs: Sequence[Runs]) -> None:
                 place: Place = ("tune", "parameters", name)
                 problems.append(document.problem(place, found.message, found.hint, at_key=at_key))
                 break
+    problems += () if problems else _unknown_figures(tuning, runs)
     if problems:
         first = {(problem.file, problem.line, problem.column): problem for problem in reversed(problems)}
         raise InputError(*sorted(first.values(), key=lambda each: (each.file, each.line, each.column)))
+
+
+def _unknown_figures(tuning: Tuning, runs: Sequence[Runs]) -> Iterator[Problem]:
+    """Terms of the objective whose figure some of their runs will not have."""
+    spec = tuning.spec
+    direction = "maximise" if spec.maximise else "minimise"
+    by_name = {each.name: each for each in runs}
+    known: dict[str, tuple[str, ...]] = {}
+    for number, term in enumerate(spec.terms):
+        if term.figure == LIMIT:
+            continue
+        used = by_name[term.runs] if term.runs else runs[0]
+        for case in used.cases:
+            point = used.study.point({**case.settings, **tuning.settings({})})
+            if point.shared_key not in known:
+                known[point.shared_key] = _columns(point)
+            allowed = (LIMIT, *known[point.shared_key])
+            if term.figure not in allowed:
+                message = f"unknown figure '{term.figure}'; allowed: {listing(allowed)}"
+                place: Place = ("tune", direction, number, "figure")
+                yield tuning.document.problem(place, message, suggest(term.figure, allowed))
+                break
+
+
+def _columns(point: Point) -> tuple[str, ...]:
+    """The columns of a point's results that a figure can be, known without a run."""
+    if point.controller == CircuitController.name:
+        commands = tuple(node.name for node in point.circuit.outputs)
+    else:
+        commands = point.plan().controller(point.controller).commands
+    return tuple(columns(Outcome(0, True, None, 0.0, None, dict.fromkeys(commands, 0.0)).row()))
 
 
 def _placed(tuning: Tuning, case: Case, problem: Problem) -> Problem:

@@ -17,6 +17,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -153,6 +154,7 @@ def run_search(
     evaluate: Evaluate,
     *,
     resume: bool = False,
+    folder: Path | None = None,
     before: Callable[[Found, int], object] | None = None,
 ) -> Found:
     """Search until so many candidates have been measured, those of earlier runs included.
@@ -165,6 +167,7 @@ def run_search(
         trials: After how many candidates no generation is begun; see `Search.rounded`.
         evaluate: Measures candidates together.
         resume: Go on with what the storage has, instead of refusing it.
+        folder: Where the storage lies, if it is the folder that the user named, not the storage.
         before: Is told what has been found before each generation, and how many candidates that has; 0 at the
             end.
 
@@ -173,7 +176,7 @@ def run_search(
             be opened.
         CircuitkitError: All candidates of a generation fail: the first reason.
     """
-    study = _open(search, storage, resume=resume)
+    study = _open(search, storage, folder, resume=resume)
     proposer = _Proposer(search, study)
     found = _found(search, study)
     try:
@@ -193,18 +196,20 @@ def run_search(
     return found
 
 
-def _open(search: Search, storage: str, *, resume: bool) -> optuna.Study:
+def _open(search: Search, storage: str, folder: Path | None, *, resume: bool) -> optuna.Study:
     """The study in its storage, new or to be resumed."""
     from sqlalchemy.exc import SQLAlchemyError
 
+    other = "storage" if folder is None else "folder"
     direction: Literal["maximize", "minimize"] = "maximize" if search.maximise else "minimize"
     try:
         database = _database(storage)
         names = optuna.get_all_study_names(database)
         if search.name in names and not resume:
-            message = f"found a study '{search.name}' in {storage} already"
-            hint = "go on with it by --resume, or choose another folder or storage"
-            raise InputError(Problem("", 0, 0, "--storage", message, hint))
+            option, place = ("--storage", storage) if folder is None else ("--output", f"'{folder}'")
+            message = f"found a study '{search.name}' in {place} already"
+            hint = f"go on with it by --resume, or choose another {other}"
+            raise InputError(Problem("", 0, 0, option, message, hint))
         study = optuna.create_study(
             storage=database, study_name=search.name, direction=direction, load_if_exists=resume
         )
@@ -220,7 +225,7 @@ def _open(search: Search, storage: str, *, resume: bool) -> optuna.Study:
             study.enqueue_trial(dict(search.start))
     elif before != search.definition:
         message = f"the study '{search.name}' was begun with another file: its tune section has changed since"
-        hint = "undo the change, or begin anew in another folder or storage"
+        hint = f"undo the change, or begin anew in another {other}"
         raise InputError(Problem("", 0, 0, "--resume", message, hint))
     return study
 

@@ -10,9 +10,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from circuitkit.circuit.spec import PLAIN_NAME_PATTERN
+from circuitkit.circuit.spec import PlainName
 from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
 from circuitkit.source import Document, FileModel, Place, find_data_file, read_yaml, validate_model
 from circuitkit.source.fields import Ratio, Seconds
@@ -85,7 +85,7 @@ class TuneSpec(FileModel):
         default=1 / 6, gt=0, le=1, description="cmaes: how widely it searches first, in parts of the ranges."
     )
     seed: int = Field(default=0, ge=0, description="Of the sampler.")
-    result: str = Field(pattern=PLAIN_NAME_PATTERN, description="Name of what comes out.")
+    result: PlainName = Field(description="Name of what comes out.")
 
     @model_validator(mode="after")
     def _one_target_and_one_direction(self) -> TuneSpec:
@@ -97,10 +97,15 @@ class TuneSpec(FileModel):
         if self.sampler == "cmaes" and (chosen := [k for k, v in self.parameters.items() if v.choices]):
             message = f"found choices for {', '.join(chosen)}; allowed: ranges only, or the sampler tpe"
             raise ValueError(message)
-        if self.sampler == "cmaes" and (self.generation or _LEAST) < _LEAST:
-            message = f"found a generation of {self.generation} for cmaes; allowed: {_LEAST} or more"
-            raise ValueError(message)
         return self
+
+    @field_validator("generation")
+    @classmethod
+    def _large_enough(cls, generation: int | None, info: ValidationInfo) -> int | None:
+        if info.data.get("sampler") == "cmaes" and (generation or _LEAST) < _LEAST:
+            message = f"found a generation of {generation} for cmaes; allowed: {_LEAST} or more"
+            raise ValueError(message)
+        return generation
 
     @property
     def target(self) -> str:
@@ -253,8 +258,9 @@ def _overlaps(tuning: Tuning) -> Iterator[Problem]:
     for (part, seeds), (other, others) in itertools.combinations(known, 2):
         if common := sorted(set(seeds.each()) & set(others.each())):
             message = (
-                f"the seeds {in_words(others)} of {other} and {in_words(seeds)} of {part} have "
-                f"{listing(map(str, common))} in common; allowed: seeds of its own"
+                f"{in_words(others)} of {other} and {in_words(seeds)} of {part} both have "
+                f"{'seed' if len(common) == 1 else 'the seeds'} {listing(map(str, common))}; "
+                "allowed: seeds of its own"
             )
             yield document.problem(("tune", other, "seeds"), message)
     for number, field in enumerate(spec.apart):

@@ -66,8 +66,8 @@ def test_the_result_says_where_its_numbers_come_from(tuned):
     text = " ".join(line.strip("# ") for line in tuned.path.read_text().splitlines() if line.startswith("#"))
     assert "circuitkit tune small.yaml (study small; tpe, seed 0, 3 candidates; number " in text
     assert "Objective, most: survived of pushed - 0.2 rms_ankle_roll of calm [deg] beyond 0.1 deg." in text
-    assert f"Training, seeds 100: {tuned.best.value:.6g} (survived of pushed " in text
-    assert f"Test, seeds 0: {tuned.test.value:.6g} (survived of pushed " in text
+    assert f"Training, seed 100: {tuned.best.value:.6g} (survived of pushed " in text
+    assert f"Test, seed 0: {tuned.test.value:.6g} (survived of pushed " in text
 
 
 def test_the_result_measures_again_what_was_measured(tuned, folder):
@@ -151,13 +151,15 @@ def test_the_best_few_are_confirmed_by_seeds_of_their_own(tmp_path, monkeypatch)
     def measured(_: object, candidates: list[Candidate]) -> Iterator[Score]:
         values = next(figures)
         assert len(values) == len(candidates)
-        return [Score(value, (value, 0.0), 4) for value in values]
+        return [Score(value, (value, 0.0), 1) for value in values]
 
     monkeypatch.setattr(Measure, "__call__", measured)
     tuned = tune(path, tmp_path / "out", workers=1)
     assert tuned.best.number == 1
     assert (tuned.best.value, tuned.confirmed.value, tuned.test.value) == (0.5, 0.9, 0.4)
-    assert "# Chosen among the best 2, seeds 200: 0.9" in tuned.path.read_text()
+    text = tuned.path.read_text()
+    assert "# Chosen among the best 2, seed 200: 0.9" in text
+    assert "; 1 run)." in text
 
 
 def test_ctrl_c_writes_the_best_so_far(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 from small_tuning import SMALL, written
 
 from circuitkit.errors import InputError
-from circuitkit.study.tuning.run import check, start_of
+from circuitkit.study.tuning.run import check, start_of, tune
 from circuitkit.study.tuning.spec import load_tuning
 
 
@@ -49,7 +49,7 @@ def test_seeds_of_the_test_that_are_trained_on_are_refused(tmp_path):
     told, place = refusal(
         tmp_path, ("test: {seeds: {first: 0, count: 1}", "test: {seeds: ¦{first: 95, count: 10}")
     )
-    common = "the seeds 95 to 104 of test and 100 of train have 100 in common; allowed: seeds of its own"
+    common = "seeds 95 to 104 of test and seed 100 of train both have seed 100; allowed: seeds of its own"
     assert told == f"{place}tune.test.seeds: {common}"
 
 
@@ -102,13 +102,22 @@ MISTAKES = [
     ((f"axes: {{{FORCE}", f'axes: {{"pushes[0].farce": [¦9 N], {FORCE}'), "unknown key 'farce'"),
     (("calm: {set: {pushes: []", "calm: {set: {pushes: ¦no"), "found 'no'; allowed: a list"),
     (("circuit: base.yaml", "circuit: ¦binn_lateral_tuend"), "did you mean 'binn_lateral_tuned'?"),
-    (("result: small_tuned", "result: ¦small tuned"), "found 'small tuned'"),
+    (
+        ("result: small_tuned", "result: ¦small tuned"),
+        "found 'small tuned'; allowed: a name of letters, digits and _",
+    ),
+    (
+        ("figure: rms_ankle_roll", "figure: ¦rms_ankle_rol"),
+        "unknown figure 'rms_ankle_rol'; allowed: limit, survived, time_of_fall_s, max_zmp_excursion_m, "
+        "recovery_time_s, rms_ankle_roll; did you mean 'rms_ankle_roll'?",
+    ),
+    (("figure: survived", "figure: ¦seed"), "unknown figure 'seed'; allowed: limit, survived, "),
     (
         ("tune:\n  circuit: base.yaml", "tune:\n  ¦gait: gait_march\n  circuit: base.yaml"),
         "one of",
     ),
     (("generation: 2", "generation: ¦1"), "found 1; allowed: at least 2"),
-    (("tune:\n", "tune:\n  ¦spread: 0.2\n"), "found a generation of 2 for cmaes; allowed: 4 or more"),
+    (("generation: 2", "generation: ¦2"), "found a generation of 2 for cmaes; allowed: 4 or more"),
     (("tune:\n", "tune:\n  ¦seed: 0\n"), "choices for leak; allowed: ranges only, or the sampler tpe"),
     (("study: small", "study: small\n¦sampler: x"), "unknown key 'sampler'"),
 ]
@@ -154,3 +163,41 @@ def test_the_definition_is_what_the_objective_depends_on(tmp_path):
     assert load_tuning(other).definition() != first
     assert "small_tuned" in SMALL
     assert "small_tuned" not in first
+
+
+def test_a_figure_may_be_a_name_alone(tmp_path):
+    terms = SMALL[SMALL.index("  maximise:") : SMALL.index("  runs:")]
+    calm = "    calm: {set: {pushes: [], duration: 3 s}}\n"
+    told, place = refusal(tmp_path, (terms, "  maximise: ¦rms_hip_roll\n"), (calm, ""))
+    assert told.startswith(f"{place}tune.maximise[0].figure: unknown figure 'rms_hip_roll'; allowed: limit, ")
+
+
+def test_the_figures_are_those_of_the_commands_of_the_controller(tmp_path):
+    told, place = refusal(
+        tmp_path,
+        ("circuit: base.yaml", "controller: stepping"),
+        ("w: {from: -2 deg, to: -0.1 deg, log: true}", "push_off: {from: 50 %, to: 100 %}"),
+        ("    leak: {from: 1 %, to: 20 %}\n  start: {leak: 5 %}\n", ""),
+        ("figure: rms_ankle_roll", "figure: ¦rms_left_foot"),
+    )
+    assert told.startswith(
+        f"{place}tune.maximise[1].figure: unknown figure 'rms_left_foot'; allowed: limit, "
+    )
+    assert "rms_left_foot_y, rms_right_foot_y" in told
+
+
+def test_several_common_seeds_are_all_named(tmp_path):
+    told, _ = refusal(
+        tmp_path,
+        ("train: {seeds: {first: 100, count: 1}", "train: {seeds: {first: 100, count: 3}"),
+        ("test: {seeds: {first: 0, count: 1}", "test: {seeds: ¦{first: 101, count: 9}"),
+    )
+    assert "seeds 101 to 109 of test and seeds 100 to 102 of train both have the seeds 101, 102; " in told
+
+
+def test_an_unknown_circuit_is_told_where_the_study_names_it(tmp_path):
+    path = written(tmp_path, ("circuit: base.yaml", "circuit: bse"))
+    with pytest.raises(InputError) as refused:
+        tune(path, tmp_path / "out")
+    assert str(refused.value).startswith(f"{path}:6:12: tune.circuit: unknown name 'bse'; ")
+    assert not (tmp_path / "out").exists()
