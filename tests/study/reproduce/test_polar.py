@@ -11,9 +11,10 @@ from matplotlib.text import Text
 
 from circuitkit.draw.style import house_style
 from circuitkit.study import load_study
-from circuitkit.study.push_bounds import BoundsAround
+from circuitkit.study.push_bounds import BoundsAround, PushKind
 from circuitkit.study.reproduce import polar
-from circuitkit.study.reproduce.finding import Finding
+from circuitkit.study.reproduce.finding import Finding, Verdict
+from circuitkit.study.reproduce.forces import Forces
 from circuitkit.study.reproduce.job import Job
 from circuitkit.study.reproduce.polar import OMNI, OPEN, PLANAR, Around
 
@@ -51,6 +52,26 @@ def test_ratios_are_means_over_directions():
     assert around.not_worse(PLANAR) == len(DEGREES)
     around.survived[PLANAR][3] = 3.0
     assert around.not_worse(PLANAR) == len(DEGREES) - 1
+
+
+def test_all_directions_are_claimed_so_that_a_single_worse_one_is_too_many():
+    kind = PushKind("forward", 0.2)
+    ahead = Forces({"binn_tuned": {kind: 11.0}, OPEN: {kind: 10.0}}, {kind: 20.0}, {kind: 20.0})
+    sides = Forces({PLANAR: {kind: 9.0}, "binn_lateral": {kind: 9.0}}, {kind: 20.0}, {kind: 20.0})
+    around = made_up(8.0, 8.1, 8.1)
+    verdicts = [claim.verdict for claim in polar._claims(around, ahead, sides, 20)]
+    assert verdicts == [Verdict.HOLDS] * 5
+    around.survived[PLANAR][3] = 7.0
+    around.survived[PLANAR][4] = 16.0
+    ahead.survived["binn_tuned"][kind] = 10.0
+    claims = polar._claims(around, ahead, sides, 20)
+    assert [claim.verdict for claim in claims[:4]] == [
+        Verdict.FAILS,
+        Verdict.HOLDS,
+        Verdict.FAILS,
+        Verdict.FAILS,
+    ]
+    assert claims[0].ours.endswith("less than the open loop in 1 of 24 directions")
 
 
 def test_a_direction_without_any_force_in_open_loop_has_no_ratio():

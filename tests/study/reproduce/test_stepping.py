@@ -57,6 +57,12 @@ def test_the_run_that_is_drawn_is_the_one_that_gains_most():
     calm = stepping.Calm(60.0, survived=True, stepping_ticks=0, nearest_m=-0.04, apart_m=0.0)
     verdicts = [claim.verdict for claim in stepping._claims(forces, calm, 20)]
     assert verdicts == [Verdict.HOLDS, Verdict.PARTLY, Verdict.HOLDS]
+    forces.survived["stepping"][inward] = 17.0
+    first = stepping._claims(forces, calm, 20)[0]
+    assert first.verdict is Verdict.PARTLY
+    assert first.ours.endswith("more in 1 of 2 kinds of push, less in 1")
+    forces.survived["stepping"].update(forces.survived["ankles"])
+    assert stepping._claims(forces, calm, 20)[0].verdict is Verdict.FAILS  # as much is no gain
 
 
 def test_runs_are_others_when_a_circuit_within_the_controller_is_another(tmp_path):
