@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -25,6 +26,8 @@ from circuitkit.source.fields import Metres, MetresPerSecond, Newtons, Ratio, Se
 from circuitkit.units import parse_quantity, parse_unit
 
 _FOLDER = "sims"
+_HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit
+_LARGEST_ANGLE_RAD = math.radians(360) * (1 + 1e-9)  # once round, however it is written
 
 # Forward, left, up. Inward is towards the foot in the air, outward away from it.
 DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
@@ -38,7 +41,12 @@ SIDEWAYS = ("inward", "outward")
 
 def _direction(value: object) -> object:
     words = (*DIRECTIONS, *SIDEWAYS)
-    if value in words or (isinstance(value, str) and _is_angle(value)):
+    if value in words:
+        return value
+    if isinstance(value, str) and _is_angle(value):
+        if not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
+            message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
+            raise ValueError(message)
         return value
     hint = suggest(str(value), words)
     allowed = f"{listing(words)}, or an angle such as '15 deg'"
@@ -75,6 +83,8 @@ class Push(FileModel):
     duration: Seconds = Field(gt=0)
     height: Metres = Field(
         default=0.0,
+        ge=-_HIGHEST_M,
+        le=_HIGHEST_M,
         description="Where it acts: so far above the body's centre of mass, or below if negative.",
     )
     start: Start

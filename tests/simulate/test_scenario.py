@@ -269,3 +269,25 @@ def test_without_a_push_there_is_none_to_change():
     assert str(caught.value) == (
         "--push: the scenario 'nao_push' has no push to change; allowed: a scenario with a push"
     )
+
+
+@pytest.mark.parametrize(
+    ("height", "allowed"), [("3 m", "at most 2 m"), ("-2001 mm", "at least -2000 mm"), ("50 km", "at most ")]
+)
+def test_a_push_acts_at_the_robot(tmp_path, height, allowed):
+    told = complaints(tmp_path, "direction: inward", f"direction: inward\n    height: {height}")
+    assert f"pushes[0].height: found '{height}'; allowed: {allowed}" in told
+
+
+@pytest.mark.parametrize("angle", ["400 deg", "-361 deg", "7 rad"])
+def test_an_angle_goes_once_round_at_most(tmp_path, angle):
+    told = complaints(tmp_path, "direction: inward", f"direction: {angle}")
+    assert f"pushes[0].direction: found '{angle}'; allowed: an angle from -360 deg to 360 deg" in told
+    with pytest.raises(InputError, match="--push: direction: found '400 deg'; allowed: an angle from"):
+        parse_push("20N,200ms,400 deg", load_scenario("nao_push"))
+
+
+def test_the_ends_are_allowed(tmp_path):
+    text = TEXT.replace("direction: inward", "direction: -360 deg\n    height: -2 m")
+    (push,) = load_scenario(written(tmp_path, text)).pushes
+    assert (push.direction, push.height) == ("-360 deg", -2.0)
