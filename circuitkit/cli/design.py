@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 from textwrap import fill
@@ -15,6 +17,7 @@ from circuitkit.cli.printing import examples, note, print_json, print_table
 if TYPE_CHECKING:
     from circuitkit.gait.design_sheet import Body, Bound, Reach, Sheet
 
+_OF_A_PUSH = 2  # of force, duration and w; eq. 21 gives the third
 _TEXT_WIDTH = 110  # of the notes below the tables
 
 
@@ -92,6 +95,11 @@ def design(
     if robot is None and (gait is not None or moment is not None):
         message = "--gait and --at go with --robot"
         raise typer.BadParameter(message)
+    pair = {"--force": force, "--duration": duration, "--w": weight}
+    given = [option for option, text in pair.items() if text is not None]
+    if len(given) != _OF_A_PUSH:
+        message = f"found {', '.join(given) or 'none of them'}; allowed: two of {', '.join(pair)}"
+        raise typer.BadParameter(message)
     from circuitkit.gait.design_sheet import Reach, make_sheet
 
     if output is not None:
@@ -106,17 +114,18 @@ def design(
         ankle_limit_rad=_read("--ankle-limit", ankle_limit, "rad", "22 deg"),
     )
     distance = _read("--edge", edge, "m", "120 mm")
-    sheet = make_sheet(
-        body,
-        reaches if distance is None else (Reach("", distance),),
-        force_n=_read("--force", force, "N", "20 N"),
-        duration_s=_read("--duration", duration, "s", "200 ms"),
-        weight_rad=_read("--w", weight, "rad", "1.63 deg", most="90 deg"),
-        gamma=_read("--gamma", gamma, "1", "1.01"),
-        step_s=_read("--step", step, "s", "10 ms"),
-        leak=_read("--leak", leak, "1", "5 %", zero=True, most="100 %"),
-        push_height_m=_read("--push-height", push_height, "m", "368 mm"),
-    )
+    with _naming(force, duration):
+        sheet = make_sheet(
+            body,
+            reaches if distance is None else (Reach("", distance),),
+            force_n=_read("--force", force, "N", "20 N"),
+            duration_s=_read("--duration", duration, "s", "200 ms"),
+            weight_rad=_read("--w", weight, "rad", "1.63 deg", most="90 deg"),
+            gamma=_read("--gamma", gamma, "1", "1.01"),
+            step_s=_read("--step", step, "s", "10 ms"),
+            leak=_read("--leak", leak, "1", "5 %", zero=True, most="100 %"),
+            push_height_m=_read("--push-height", push_height, "m", "368 mm"),
+        )
     if output is not None:
         from circuitkit.study.design_figure import draw_design
 
@@ -166,15 +175,38 @@ def _read(
     return quantity.value_si
 
 
+@contextmanager
+def _naming(force: str | None, duration: str | None) -> Iterator[None]:
+    """Say of a push that no angle holds which option asks for it, not which part of the equations."""
+    from circuitkit.errors import InputError, Problem
+
+    try:
+        yield
+    except InputError as error:
+        (problem, *others) = error.problems
+        if others or force is None or problem.where != "com_shift_m":
+            raise
+        message = f"found '{force}' for {duration}, too strong for any w: {problem.message}"
+        raise InputError(Problem("", 0, 0, "--force", message)) from error
+
+
 def _robot(name: str | None, gait: str | None, moment: float | None) -> tuple[Body, tuple[Reach, ...]]:
     """The robot of a file while it walks, or the paper's."""
     from circuitkit.gait.design_sheet import PAPER_BODY, PAPER_REACH
 
     if name is None:
         return PAPER_BODY, (PAPER_REACH,)
+    from circuitkit.errors import InputError, Problem, UnknownNameError, listing, suggest
     from circuitkit.study.design import PUSHED_AT, robot_and_reaches
 
-    return robot_and_reaches(name, gait or "gait_march", PUSHED_AT if moment is None else moment)
+    try:
+        return robot_and_reaches(name, gait or "gait_march", PUSHED_AT if moment is None else moment)
+    except UnknownNameError as error:
+        from circuitkit.robots import shipped_robots
+
+        names = shipped_robots()
+        message = f"unknown robot '{name}'; allowed: {listing(names)}, or the path of a robot.yaml"
+        raise InputError(Problem("", 0, 0, "--robot", message, suggest(name, names))) from error
 
 
 def _changed(body: Body, **values: float | None) -> Body:

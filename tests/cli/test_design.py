@@ -85,11 +85,17 @@ def test_a_robot_that_walks(circuitkit, tmp_path):
             ("--force", "-20N", "--duration", "2ms"),
             "--force: found '-20N'; allowed: more than 0, such as '20 N'",
         ),
-        (("--force", "20N"), "found force; allowed: two of force, duration and w; eq. 21 gives the third"),
+        (
+            ("--force", "1e9N", "--duration", "200ms"),
+            "--force: found '1e9N' for 200ms, too strong for any w: no angle shifts the CoM by ",
+        ),
         (("--w", "95deg", "--force", "20N"), "--w: found '95deg'; allowed: up to 90 deg"),
-        (("--robot", "nao", "--at", "1.5"), "--at: found '1.5'; allowed: up to 100 %"),
-        (("--robot", "nap"), "unknown robot"),
-        (("-o", "w.gif"), "w.gif: found the suffix '.gif'; allowed: .png, .svg, .pdf"),
+        ((*PUSH[1:], "--robot", "nao", "--at", "1.5"), "--at: found '1.5'; allowed: up to 100 %"),
+        (
+            (*PUSH[1:], "--robot", "nau"),
+            "--robot: unknown robot 'nau'; allowed: nao, or the path of a robot.yaml; did you mean 'nao'?",
+        ),
+        ((*PUSH[1:], "-o", "w.gif"), "w.gif: found the suffix '.gif'; allowed: .png, .svg, .pdf"),
     ],
 )
 def test_mistakes(circuitkit, words, message):
@@ -109,3 +115,18 @@ def test_a_gait_needs_a_robot(circuitkit):
     outcome = circuitkit(*PUSH, "--gait", "gait_march")
     assert outcome.code == 2
     assert "--gait and --at go with --robot" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ((), "none of them"),
+        (("--force", "20N"), "--force"),
+        ((*PUSH[1:], "--w", "1deg"), "--force, --duration, --w"),
+    ],
+)
+def test_a_push_is_two_of_three(circuitkit, words, found):
+    outcome = circuitkit("design", *words)
+    assert (outcome.code, outcome.out) == (2, "")
+    said = " ".join(outcome.err.replace("│", " ").split())
+    assert f"found {found}; allowed: two of --force, --duration, --w" in said
