@@ -57,6 +57,9 @@ def reproduce(
     """
     from dataclasses import asdict
 
+    if output.exists() and not output.is_dir():
+        message = f"'{output}' is no folder"
+        raise typer.BadParameter(message, param_hint="--output")
     from circuitkit.study.reproduce import reproduce as make
 
     made = make(figures or [], output, quick=quick, workers=workers, again=again, progress=True, say=note)

@@ -44,3 +44,11 @@ def test_a_figure_that_there_is_not_is_refused(circuitkit, monkeypatch):
 
 def test_without_a_folder_it_is_wrong_usage(circuitkit):
     assert circuitkit("reproduce", "fig9").code == 2
+
+
+def test_a_file_is_no_folder(circuitkit, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    outcome = circuitkit("reproduce", "fig9", "-o", "notes.txt")
+    assert outcome.code == 2
+    assert "'notes.txt' is no folder" in outcome.err
+    assert (tmp_path / "notes.txt").read_text() == "mine"
