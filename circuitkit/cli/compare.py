@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from circuitkit.cli.options import (
+    CONTROLLERS,
     SETTINGS,
     Backend,
     Circuit,
@@ -32,6 +33,7 @@ def register(app: typer.Typer) -> None:
             "circuitkit compare nao_push --controllers open_loop,circuit",
             "circuitkit compare nao_push --controllers open_loop,circuit --push 20N,200ms,outward --seed 1",
             "circuitkit compare nao_push --controllers open_loop,circuit --set w=1deg",
+            "circuitkit compare nao_push --controllers open_loop,circuit,mpc,stepping",
             "circuitkit compare nao_push --controllers open_loop,circuit -o out/compare --json",
         )
     )(compare)
@@ -45,7 +47,7 @@ def compare(
         typer.Option(
             "--controllers",
             metavar="NAME,NAME...",
-            help="Controllers: open_loop, circuit, or controller files.",
+            help=f"Which, with commas between them: {CONTROLLERS}.",
         ),
     ],
     circuit: Circuit = None,
@@ -85,4 +87,4 @@ def compare(
         video=video,
         progress=True,
     )
-    finish(results, output, as_json=as_json, verbose=verbose)
+    finish(results, output, settings=values, as_json=as_json, verbose=verbose)

@@ -31,6 +31,7 @@ Verbose: TypeAlias = Annotated[
     bool, typer.Option("--verbose", help="Also say which backend ran it, and why.")
 ]
 SETTINGS = ("--set", "w=2deg")  # for `named_values`
+CONTROLLERS = "open_loop, circuit, mpc, mpc_full, dcm_ankle, stepping, or a controller file"
 Push: TypeAlias = Annotated[
     str | None,
     typer.Option(

@@ -16,12 +16,23 @@ if TYPE_CHECKING:
     from circuitkit.simulate.run import Result
 
 
-def finish(results: Sequence[Result], output: Path | None, *, as_json: bool, verbose: bool) -> None:
+_CIRCUIT = "circuit"  # the controller that --set is for
+
+
+def finish(
+    results: Sequence[Result],
+    output: Path | None,
+    *,
+    settings: Mapping[str, str],
+    as_json: bool,
+    verbose: bool,
+) -> None:
     """Print verdicts; a run that was stopped by Ctrl-C has its say too, and then ends the command.
 
     Args:
         results: The runs.
         output: Where the recordings were written; None if nowhere.
+        settings: What was set in the circuit by `--set`.
         as_json: Print JSON instead of a table.
         verbose: Also say which backend ran the circuit.
     """
@@ -36,6 +47,9 @@ def finish(results: Sequence[Result], output: Path | None, *, as_json: bool, ver
         note(text)
     for text in (text for row in rows for text in row.get("notes", ())):
         note(text)
+    if settings and not any(row["controller"] == _CIRCUIT for row in rows):
+        named = ", ".join(dict.fromkeys(str(row["controller"]) for row in rows))
+        note(f"--set changes no run: it is for the controller circuit, and here is only {named}")
     if any(row["interrupted"] for row in rows):
         raise typer.Exit(INTERRUPTED)
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from circuitkit.cli.options import (
+    CONTROLLERS,
     SETTINGS,
     Backend,
     Circuit,
@@ -31,6 +32,7 @@ def register(app: typer.Typer) -> None:
         epilog=examples(
             "circuitkit simulate nao_push",
             "circuitkit simulate nao_push --controller open_loop --seed 3 -o out/open_loop",
+            "circuitkit simulate nao_push --controller mpc --push 20N,200ms,outward",
             "circuitkit simulate nao_push --circuit my_circuit.yaml --set w=1deg --push 20N,200ms,inward",
             "circuitkit simulate nao_push -o out/film --video",
         )
@@ -44,9 +46,7 @@ def simulate(
     settings: Settings = None,
     controller: Annotated[
         str | None,
-        typer.Option(
-            "--controller", metavar="NAME", help="Control with it: open_loop, circuit, or a controller file."
-        ),
+        typer.Option("--controller", metavar="NAME", help=f"Control with it: {CONTROLLERS}."),
     ] = None,
     push: Push = None,
     seed: Seed = None,
@@ -84,4 +84,4 @@ def simulate(
         view=view,
         progress=True,
     )
-    finish([result], output, as_json=as_json, verbose=verbose)
+    finish([result], output, settings=values, as_json=as_json, verbose=verbose)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import circuitkit.simulate as room
+from circuitkit.control import shipped_controllers
 
 ROW = {
     "scenario": "nao_push",
@@ -140,3 +142,23 @@ def test_an_interrupted_run_is_reported_and_ends_the_command_so(circuitkit, monk
     outcome = circuitkit("simulate", "nao_push", "-o", "out")
     assert (outcome.code, outcome.err) == (130, "wrote out\ninterrupted\n")
     assert "stood until interrupted" in outcome.out
+
+
+@pytest.mark.parametrize("command", ["simulate", "compare"])
+def test_help_names_every_controller_that_ships(circuitkit, command):
+    said = " ".join(circuitkit(command, "--help").out.replace("│", " ").split())
+    for name in ("open_loop", "circuit", *shipped_controllers()):
+        assert re.search(rf"[ ,]{name}[ ,.]", said), name
+    assert "mpc" in said.partition("circuitkit ")[2]  # an example
+
+
+@pytest.mark.usefixtures("calls")
+def test_what_set_cannot_change_is_told(circuitkit, monkeypatch):
+    assert "--set" not in circuitkit("compare", "nao_push", "--controllers", "a,b", "--set", "w=1deg").err
+    result = SimpleNamespace(row=lambda: FALLEN, backend="")
+    monkeypatch.setattr(room, "simulate", lambda *_, **__: result)
+    words = ("simulate", "nao_push", "--controller", "open_loop", "--json")
+    outcome = circuitkit(*words, "--set", "w=1deg")
+    told = "--set changes no run: it is for the controller circuit, and here is only open_loop\n"
+    assert (outcome.code, outcome.err) == (0, told)
+    assert circuitkit(*words).err == ""
