@@ -192,7 +192,7 @@ def test_a_walk_shorter_than_a_control_step():
 
 
 def test_a_gait_that_does_not_fit_the_time_step(mine, tmp_path):
-    gait = shipped("sims", "gait_march")
+    gait = shipped("sims/gaits", "gait_march")
     (tmp_path / "quick.yaml").write_text(
         gait.replace("control_step: 10 ms", "control_step: 5 ms"), encoding="utf-8"
     )
