@@ -64,7 +64,7 @@ docs: $(READY)  ## writes the pages and pictures under docs that are made from t
 lock:  ## pins anew every dependency of pyproject.toml, for all platforms
 	$(PYTHON) -m venv out/lock
 	out/lock/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
-	$(COMPILE) $(addprefix --extra ,data dev test video) pyproject.toml --output-file requirements.lock
+	$(COMPILE) $(addprefix --extra ,cluster data dev mpc study test tune video) pyproject.toml --output-file requirements.lock
 	$(COMPILE) $(addprefix --extra ,peers test) pyproject.toml --output-file requirements-peers.lock
 
 clean:  ## removes the virtual environment, caches and results

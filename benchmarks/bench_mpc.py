@@ -32,7 +32,7 @@ def cases() -> tuple[AnyCase, ...]:
     name = load_controller("mpc_full").controller
     return (
         Amount(f"{name}: one solve", "s", _one, limit=_CONTROL_STEP_S),
-        Case(f"{name}: one solve", f"one step of {_CIRCUIT}", _against_the_circuit),
+        Case(f"{name}: one solve, against a circuit", f"one step of {_CIRCUIT}", _against_the_circuit),
         Case(f"{name}: one solve, daqp called directly", "through qpsolvers", _through_qpsolvers, limit=1.0),
     )
 

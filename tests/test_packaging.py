@@ -116,7 +116,10 @@ def test_wheel_alone_says_that_benchmarks_are_in_the_repository(run_installed):
 
 
 # The other simulators are kept out of the lock that everybody installs.
-LOCKS = {"requirements.lock": {"data", "dev", "test", "video"}, "requirements-peers.lock": {"peers", "test"}}
+LOCKS = {
+    "requirements.lock": {"cluster", "data", "dev", "mpc", "study", "test", "tune", "video"},
+    "requirements-peers.lock": {"peers", "test"},
+}
 
 
 @pytest.mark.parametrize(("lock", "extras"), LOCKS.items())
