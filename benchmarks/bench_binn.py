@@ -17,7 +17,6 @@ from benchmarks.plain import (
     PlainBinn,
     binn,
     compiled_binn,
-    environment,
     require_equal,
     steps_of,
     threads,
@@ -26,6 +25,7 @@ from benchmarks.plain import (
 from circuitkit.circuit.graph import Timing
 from circuitkit.engine import compile_circuit, run
 from circuitkit.study.bench import AnyCase, AnyWork, Case, Loop
+from circuitkit.study.pool import environment
 
 _STEPS = 2000
 _SWEEP = 1000

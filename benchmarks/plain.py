@@ -8,9 +8,8 @@ only its falling side, which is the same for the inputs that are used here.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from itertools import repeat
 
@@ -22,6 +21,7 @@ from circuitkit.circuit.load import load_circuit
 from circuitkit.circuit.resolve import resolve
 from circuitkit.engine import Program, compile_circuit
 from circuitkit.study.bench import Loop
+from circuitkit.study.pool import environment
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -122,21 +122,6 @@ def loop(step: Callable[[], object]) -> Loop:
             step()
 
     return Loop(times)
-
-
-@contextmanager
-def environment(**values: str) -> Iterator[None]:
-    """Have environment variables for a while."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def threads(n: int) -> AbstractContextManager[None]:

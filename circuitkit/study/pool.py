@@ -101,7 +101,7 @@ class Processes(Pool):
         self._idle: list[Connection] = []
         self._busy: dict[Connection, int] = {}
         self._processes: dict[Connection, Any] = {}
-        with _environment(_ONE_THREAD):
+        with environment(**_ONE_THREAD):
             for _ in range(workers):
                 mine, theirs = context.Pipe()
                 process = context.Process(target=_work, args=(theirs,), daemon=True)
@@ -188,8 +188,8 @@ def _work(connection: Connection) -> None:
 
 
 @contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Environment variables for processes that start meanwhile."""
+def environment(**values: str) -> Iterator[None]:
+    """Have environment variables for a while, which processes that start meanwhile get, too."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:

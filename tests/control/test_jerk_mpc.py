@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import qpsolvers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
@@ -92,7 +93,6 @@ def test_without_a_bound_in_reach_it_is_kajitas_preview_control(state, start):
 
 def test_the_preview_of_a_second_and_a_half_is_long_enough():
     """Against three seconds, solved for the jerks as Wieber writes it, from states as after a push."""
-    qpsolvers = pytest.importorskip("qpsolvers")
     steps, active = 150, 0
     from_state, from_jerk = preview_matrices(HEIGHT, STEP, steps)
     hessian = np.eye(steps) + WEIGHT * from_jerk.T @ from_jerk
@@ -177,7 +177,6 @@ def test_a_robot_gets_the_same_bits_in_every_company_and_order():
 
 def test_every_solver_that_is_installed_finds_the_same():
     """Among them daqp itself, called through qpsolvers instead of through its own interface."""
-    qpsolvers = pytest.importorskip("qpsolvers")
     hessian = mpc().hessian
     own = box_solver("daqp", hessian)
     rng = np.random.default_rng(4)

@@ -15,8 +15,6 @@ from circuitkit.study import open_pool, sweep
 from circuitkit.study.jobs import Done, versions
 from circuitkit.study.pool import PoolError, require_same_versions
 
-pytest.importorskip("distributed")
-
 
 @pytest.mark.parametrize("address", ["nonsense", "", "http://127.0.0.1:1", "tcp://127.0.0.1", "tcp://:8786"])
 def test_what_is_no_address_of_a_scheduler_is_refused_at_once(address):
