@@ -13,10 +13,10 @@ from itertools import cycle, islice
 
 import numpy as np
 
+from circuitkit.base.errors import MissingDependencyError
 from circuitkit.control import load_controller
 from circuitkit.control.jerk_mpc import OWN, BoxSolver, JerkMpc, box_solver
 from circuitkit.control.wieber_mpc import WieberMpcSpec
-from circuitkit.errors import MissingDependencyError
 from circuitkit.simulate import Plan, load_scenario, make_plan
 from circuitkit.study.bench import Amount, AnyCase, Case, LeftOutError, Loop
 from circuitkit.study.reproduce.timing import mpc_solves, network_steps

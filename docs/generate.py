@@ -16,9 +16,9 @@ from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
 
+from circuitkit.base.files import write_text
 from circuitkit.cli.app import COMMANDS
 from circuitkit.cli.main import main
-from circuitkit.files import write_text
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "img"

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit import compile_circuit, load_circuit, resolve, run
+from circuitkit.base.files import write_text
+from circuitkit.base.units import Unit, format_quantity, parse_unit
 from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
@@ -26,8 +28,6 @@ from circuitkit.circuit.models import (
     synapse_model,
 )
 from circuitkit.draw.style import CYCLE, DASHES, SMALL, house_style, new_figure, save_figure, tidy
-from circuitkit.files import write_text
-from circuitkit.units import Unit, format_quantity, parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,13 +6,13 @@ from itertools import combinations
 
 import numpy as np
 
+from circuitkit.base.units import DIMENSIONLESS, parse_unit
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse
 from circuitkit.circuit.models import neuron_model
 from circuitkit.draw.layout import Layout, arrange
 from circuitkit.draw.network import make_network
 from circuitkit.draw.shapes import Box, block_size
 from circuitkit.draw.style import SMALL
-from circuitkit.units import DIMENSIONLESS, parse_unit
 
 RIM = 9.0  # a rounded node begins up to this far inside its box
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from circuitkit.source import find_data_file
+from circuitkit.base.source import find_data_file
 
 # The circuit that is tuned: numbers of its own, so that tests do not depend on those of a shipped one.
 BASE = """\

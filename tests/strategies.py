@@ -7,6 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from circuitkit.base.source import dump_yaml
 from circuitkit.circuit import CircuitGraph, parse_circuit, resolve
 from circuitkit.circuit.expressions.expression import (
     BINARY_OPERATORS,
@@ -19,7 +20,6 @@ from circuitkit.circuit.expressions.expression import (
     Unary,
 )
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
-from circuitkit.source import dump_yaml
 
 UNITS = ("1", "mm", "m", "deg", "N", "%")
 ACTIVATION_UNITS = ("1", "1", "mm", "deg")

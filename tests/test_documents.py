@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from circuitkit.base.source import find_data_file
 from circuitkit.cli.main import main
-from circuitkit.source import find_data_file
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from circuitkit.errors import (
+from circuitkit.base.errors import (
     CircuitkitError,
     ExpressionError,
     InputError,

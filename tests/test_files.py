@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from circuitkit.files import OutputError, replacing, write_text
+from circuitkit.base.files import OutputError, replacing, write_text
 
 
 def test_missing_folders_are_made(tmp_path):

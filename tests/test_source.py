@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import Field
 
-from circuitkit.errors import InputError
-from circuitkit.source import (
+from circuitkit.base.errors import InputError
+from circuitkit.base.source import (
     FileModel,
     Mark,
     dump_yaml,

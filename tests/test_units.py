@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuitkit.errors import UnitError
-from circuitkit.units import (
+from circuitkit.base.errors import UnitError
+from circuitkit.base.units import (
     DIMENSIONLESS,
     UNIT_SYMBOLS,
     Dimension,

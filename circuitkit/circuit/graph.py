@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+from circuitkit.base.units import Quantity, Unit
 from circuitkit.circuit.models import STATIC, NeuronModel, SynapseModel
 from circuitkit.circuit.names import Names
-from circuitkit.units import Quantity, Unit
 
 if TYPE_CHECKING:
     import networkx

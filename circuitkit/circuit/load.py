@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.source import Document, find_data_file, scan_text, scan_yaml
 from circuitkit.circuit.parts import read_module
 from circuitkit.circuit.resolve import analyse
 from circuitkit.circuit.resolving.items import Findings
 from circuitkit.circuit.spec import CircuitSpec
-from circuitkit.errors import InputError, Problem
-from circuitkit.source import Document, find_data_file, scan_text, scan_yaml
 
 FOLDER = "circuits"
 

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from circuitkit.base.errors import Problem, suggest
+from circuitkit.base.source import Data, Document, Finding, Place, model_problems, scan_yaml
 from circuitkit.circuit.spec import CircuitSpec, FileSpec, InstanceSpec
-from circuitkit.errors import Problem, suggest
-from circuitkit.source import Data, Document, Finding, Place, model_problems, scan_yaml
 
 NAMED_SECTIONS = (
     "parameters",

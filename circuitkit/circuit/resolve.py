@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from circuitkit.base.errors import InputError, UnknownNameError
+from circuitkit.base.units import parse_unit
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Projection
 from circuitkit.circuit.parts import Module, module_of
 from circuitkit.circuit.resolving.checks import doubts
@@ -19,8 +21,6 @@ from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.resolving.signals import Signals, unknown_inputs
 from circuitkit.circuit.resolving.synapses import Synapses
 from circuitkit.circuit.spec import CircuitSpec
-from circuitkit.errors import InputError, UnknownNameError
-from circuitkit.units import parse_unit
 
 
 def resolve(spec: CircuitSpec, overrides: Mapping[str, float | str] | None = None) -> CircuitGraph:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.circuit.graph import CircuitGraph, OutputNode, Projection, Synapse
 from circuitkit.circuit.models import STATIC
-from circuitkit.errors import InputError, Problem, listing, suggest
 
 ARROW = "->"
 

@@ -22,10 +22,10 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from circuitkit.base.source import FileModel, describe
+from circuitkit.base.units import parse_unit
 from circuitkit.circuit.expressions.values import not_a_value
 from circuitkit.circuit.graph import Role, Timing
-from circuitkit.source import FileModel, describe
-from circuitkit.units import parse_unit
 
 if TYPE_CHECKING:
     from circuitkit.circuit.graph import CircuitGraph

@@ -156,8 +156,8 @@ def _read(
     """
     if text is None:
         return None
-    from circuitkit.errors import InputError, Problem, UnitError
-    from circuitkit.units import parse_quantity, parse_unit
+    from circuitkit.base.errors import InputError, Problem, UnitError
+    from circuitkit.base.units import parse_quantity, parse_unit
 
     try:
         quantity = parse_quantity(text)
@@ -178,7 +178,7 @@ def _read(
 @contextmanager
 def _naming(force: str | None, duration: str | None) -> Iterator[None]:
     """Say of a push that no angle holds which option asks for it, not which part of the equations."""
-    from circuitkit.errors import InputError, Problem
+    from circuitkit.base.errors import InputError, Problem
 
     try:
         yield
@@ -196,7 +196,7 @@ def _robot(name: str | None, gait: str | None, moment: float | None) -> tuple[Bo
 
     if name is None:
         return PAPER_BODY, (PAPER_REACH,)
-    from circuitkit.errors import InputError, Problem, UnknownNameError, listing, suggest
+    from circuitkit.base.errors import InputError, Problem, UnknownNameError, listing, suggest
     from circuitkit.study.design import PUSHED_AT, robot_and_reaches
 
     try:

@@ -38,8 +38,8 @@ def format(
     Order of sections and keys, spacing, indentation, lines of 110 characters, and the spelling of quantities
     are made alike. Comments stay, and so does what the file means. A file with errors is left as it is.
     """
+    from circuitkit.base.errors import InputError
     from circuitkit.circuit.authoring.formatting import format_file
-    from circuitkit.errors import InputError
 
     wrong = False
     for file in files:

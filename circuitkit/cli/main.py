@@ -70,8 +70,8 @@ def _run_command(words: list[str]) -> int:
 
 def _report(error: Exception, debug: bool) -> int:
     """Print an error for a person and return the exit code."""
-    from circuitkit.errors import CircuitkitError
-    from circuitkit.files import reason
+    from circuitkit.base.errors import CircuitkitError
+    from circuitkit.base.files import reason
 
     if isinstance(error, CircuitkitError):
         text = str(error)

@@ -27,8 +27,8 @@ def schema(
     """
     import json
 
+    from circuitkit.base.files import write_text
     from circuitkit.circuit import circuit_schema
-    from circuitkit.files import write_text
 
     if output is None:
         print_json(circuit_schema())

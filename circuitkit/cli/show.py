@@ -75,7 +75,7 @@ def show(
 
 
 def _print_tables(graph: CircuitGraph) -> None:
-    from circuitkit.units import format_quantity
+    from circuitkit.base.units import format_quantity
 
     print(f"{graph.name}: {graph.description}" if graph.description else graph.name)
     substeps = f", {graph.substeps} substeps" if graph.substeps > 1 else ""

@@ -12,9 +12,9 @@ import typer
 from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
+    from circuitkit.base.units import Unit
     from circuitkit.study import Results, Share, Study
     from circuitkit.study.driver import Estimate
-    from circuitkit.units import Unit
 
 _MINUTE_S, _HOUR_S = 60.0, 3600.0
 
@@ -186,7 +186,7 @@ def _last(path: str) -> str:
 
 
 def _amount(value_si: float, unit: Unit) -> str:
-    from circuitkit.units import format_quantity
+    from circuitkit.base.units import format_quantity
 
     return format_quantity(value_si, unit)
 

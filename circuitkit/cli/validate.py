@@ -10,7 +10,7 @@ from circuitkit.cli.options import SETTINGS, Settings, named_values
 from circuitkit.cli.printing import examples, note, print_json
 
 if TYPE_CHECKING:
-    from circuitkit.errors import Problem
+    from circuitkit.base.errors import Problem
 
 
 def register(app: typer.Typer) -> None:
@@ -67,9 +67,9 @@ def _check(file: str, values: dict[str, str]) -> tuple[tuple[Problem, ...], tupl
 
     errors, warnings = check(file)
     if values and not errors:
+        from circuitkit.base.errors import InputError
         from circuitkit.circuit import load_circuit
         from circuitkit.circuit.authoring.settings import resolve_with
-        from circuitkit.errors import InputError
 
         try:
             resolve_with(load_circuit(file), values)

@@ -10,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from circuitkit.base.errors import InputError, Problem, listing
+from circuitkit.base.source import FileModel, find_data_file
+from circuitkit.base.source.fields import Metres, Ratio, Seconds
+from circuitkit.base.units import parse_unit
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
 from circuitkit.circuit.load import FOLDER
 from circuitkit.control.circuit import CircuitController
@@ -17,11 +21,7 @@ from circuitkit.control.controller import Array
 from circuitkit.control.planned import planned_channels
 from circuitkit.control.reference import WalkReference
 from circuitkit.control.sensed_com import CommandAxis, SensedCom
-from circuitkit.errors import InputError, Problem, listing
 from circuitkit.gait import LEFT, RIGHT
-from circuitkit.source import FileModel, find_data_file
-from circuitkit.source.fields import Metres, Ratio, Seconds
-from circuitkit.units import parse_unit
 
 _LEGS = ("left_foot_y", "right_foot_y", "left_leg_lift", "right_leg_lift")
 _SIDES = np.array([1.0, -1.0])  # which way is outward: left foot, right foot

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control.controller import Array
 from circuitkit.control.planned import PlannedChannel
 from circuitkit.engine import compile_circuit
-from circuitkit.errors import InputError, Problem, listing, suggest
-from circuitkit.units import Unit
 
 
 class CircuitController:

@@ -7,12 +7,12 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from circuitkit.base.source import FileModel
+from circuitkit.base.source.fields import Radians, RadianSecondsPerMetre, RadiansPerMetre, Ratio, Seconds
 from circuitkit.control.controller import Array
 from circuitkit.control.reference import WalkReference
 from circuitkit.control.sensed_com import AxisName, CommandAxis
 from circuitkit.control.state_feedback import Calibration, ComFeedback
-from circuitkit.source import FileModel
-from circuitkit.source.fields import Radians, RadianSecondsPerMetre, RadiansPerMetre, Ratio, Seconds
 
 
 class AxisGains(FileModel):

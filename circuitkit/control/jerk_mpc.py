@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from circuitkit.base.errors import DivergedError, MissingDependencyError
 from circuitkit.control.controller import Array
-from circuitkit.errors import DivergedError, MissingDependencyError
 from circuitkit.gait.lipm import GRAVITY_M_S2
 
 OWN = "daqp"  # the solver that is called through its own interface, which keeps its factorisation

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from circuitkit.base.units import Unit, parse_unit
 from circuitkit.control.controller import Array
 from circuitkit.control.reference import WalkReference
-from circuitkit.units import Unit, parse_unit
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.base.units import Unit
 from circuitkit.gait import LEFT, LEG_JOINTS, LegGeometry, Walk
 from circuitkit.gait.legs import support_leg_length
 from circuitkit.gait.lipm import com_from_zmp, natural_frequency
 from circuitkit.gait.schedule import EXTEND, LIFT, Schedule, plan_steps
-from circuitkit.units import Unit
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from circuitkit.control.controller import Array
-from circuitkit.control.jerk_mpc import OWN, Jerk, JerkMpc
-from circuitkit.control.reference import WalkReference
-from circuitkit.control.sensed_com import AxisName, CommandAxis
-from circuitkit.control.state_feedback import AngleFeedback, Calibration, ComFeedback
-from circuitkit.errors import InputError, Problem
-from circuitkit.source import FileModel
-from circuitkit.source.fields import (
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.source import FileModel
+from circuitkit.base.source.fields import (
     Metres,
     PerSecondToTheSixth,
     Radians,
@@ -28,6 +23,11 @@ from circuitkit.source.fields import (
     Ratio,
     Seconds,
 )
+from circuitkit.control.controller import Array
+from circuitkit.control.jerk_mpc import OWN, Jerk, JerkMpc
+from circuitkit.control.reference import WalkReference
+from circuitkit.control.sensed_com import AxisName, CommandAxis
+from circuitkit.control.state_feedback import AngleFeedback, Calibration, ComFeedback
 
 _TINY = 1e-6  # far below a step
 _LONGEST_S = 2.0  # the ZMPs as unknowns cost digits by e^(2 omega N T)

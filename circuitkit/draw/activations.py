@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from circuitkit.base.units import DIMENSIONLESS, Unit
 from circuitkit.circuit.graph import CircuitGraph, Neuron
 from circuitkit.draw.layers import make_layers
 from circuitkit.draw.network import make_network
@@ -30,7 +31,6 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.draw.wording import parameter_texts
-from circuitkit.units import DIMENSIONLESS, Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

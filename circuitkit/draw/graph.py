@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from circuitkit.base.files import write_text
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.draw.dot import dot_text
 from circuitkit.draw.layout import Layout, arrange
@@ -25,7 +26,6 @@ from circuitkit.draw.style import (
     require_suffix,
     save_figure,
 )
-from circuitkit.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.graph import (
     CircuitGraph,
     InputNode,
@@ -24,7 +25,6 @@ from circuitkit.circuit.graph import (
 )
 from circuitkit.draw.style import number
 from circuitkit.draw.wording import parameter_texts, quantity_text, rule_text, weight_text
-from circuitkit.units import DIMENSIONLESS
 
 _SINGLE = 1
 _SHOWN_PARAMETERS = 40

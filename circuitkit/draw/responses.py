@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circuitkit.base.errors import DivergedError
+from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit, parse_unit
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Population, Synapse
 from circuitkit.circuit.models import ModelParameter
 from circuitkit.circuit.models.model import ACTIVATION
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.state import FloatArray
-from circuitkit.errors import DivergedError
-from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_unit
 
 _TAILS = 6.0  # how many widths of a curve are shown beside its centre
 _POINTS, _HELD_POINTS = 801, 65

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from circuitkit.errors import InputError, Problem, suggest
-from circuitkit.files import replacing
+from circuitkit.base.errors import InputError, Problem, suggest
+from circuitkit.base.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.draw.style import (
     CYCLE,
     DASHES,
@@ -27,7 +28,6 @@ from circuitkit.draw.style import (
     save_figure,
     tidy,
 )
-from circuitkit.errors import InputError, Problem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

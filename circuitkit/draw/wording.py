@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from circuitkit.base.errors import UnitError
+from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.circuit.graph import Neuron, PerMember, Population, Projection
 from circuitkit.circuit.models import ModelParameter, UnitRule
 from circuitkit.draw.style import number
-from circuitkit.errors import UnitError
-from circuitkit.units import DIMENSIONLESS, Unit, parse_unit
 
 _DASH = "\N{EN DASH}"
 

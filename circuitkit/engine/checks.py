@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.memory import shortage
 from circuitkit.engine.state import FloatArray
-from circuitkit.errors import InputError, Problem
 
 _STEP_AXES = 2
 _RUN_AXES = 3

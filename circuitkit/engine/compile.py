@@ -7,11 +7,11 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, get_args
 
+from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine.backends import AUTO, COMPILED, choose_backend, load_backend
 from circuitkit.engine.lowering import lower, side_by_side
 from circuitkit.engine.program import Precision, Program
-from circuitkit.errors import InputError, Problem, UnknownNameError
 
 if TYPE_CHECKING:
     from circuitkit.circuit.spec import CircuitSpec

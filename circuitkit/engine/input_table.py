@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.files import reason
+from circuitkit.base.units import DIMENSIONLESS, Unit, parse_quantity
 from circuitkit.circuit.graph import CircuitGraph, InputNode
 from circuitkit.engine.state import FloatArray
-from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
-from circuitkit.files import reason
-from circuitkit.units import DIMENSIONLESS, Unit, parse_quantity
 
 TIME = "time_s"
 _MOST_PROBLEMS = 20

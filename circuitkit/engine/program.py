@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.engine.backends import Kernel, load_backend
 from circuitkit.engine.checks import input_problem, require_batch, require_inputs, require_seed
 from circuitkit.engine.operations import IndexArray, Lowered, Operation, Remember
 from circuitkit.engine.state import FloatArray, State
-from circuitkit.errors import InputError, Problem, UnknownNameError
 
 if TYPE_CHECKING:
     from circuitkit.engine.run import Stepper

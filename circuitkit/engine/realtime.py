@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.engine.checks import require_memory
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray
-from circuitkit.errors import InputError, Problem
 
 _FASTEST_HZ = 100e3  # the clock itself is read in some 0.1 us
 _LONGEST_S = 86400.0  # a day

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from circuitkit.base.errors import UnknownNameError
 from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
-from circuitkit.errors import UnknownNameError
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,13 @@ from typing import NoReturn
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.engine.checks import as_run_inputs, require_memory, require_step_inputs
 from circuitkit.engine.divergence import raise_for
 from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.record import select
 from circuitkit.engine.state import FloatArray, State, Trace
-from circuitkit.errors import InputError, Problem
 
 
 def step(program: Program, state: State, inputs: FloatArray, out: State | None = None) -> State:

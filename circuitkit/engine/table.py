@@ -12,6 +12,9 @@ from typing import Literal
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.files import OutputError, replacing
+from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
 from circuitkit.circuit.resolving.neurons import shown_unit
 from circuitkit.engine.checks import require_memory
@@ -21,9 +24,6 @@ from circuitkit.engine.program import Precision, Program
 from circuitkit.engine.record import select
 from circuitkit.engine.run import run
 from circuitkit.engine.state import FloatArray, Trace
-from circuitkit.errors import InputError, Problem, listing, suggest
-from circuitkit.files import OutputError, replacing
-from circuitkit.units import DIMENSIONLESS, Unit, format_quantity
 
 FORMATS = (".csv", ".nc")
 _CHUNK = 4096  # steps between two reports of progress, and lines that are written at once

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from circuitkit.errors import InputError, Problem
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.gait.lipm import GRAVITY_M_S2, largest_push_force, natural_frequency
 
 _NO_LEAK = 1e-15  # below it, one minus the leak is one

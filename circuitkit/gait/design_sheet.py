@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from circuitkit.errors import InputError, Problem
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.units import format_quantity, parse_unit
 from circuitkit.gait import design as eq
-from circuitkit.units import format_quantity, parse_unit
 
 PAPER_GAMMA = 1.01  # Fig. 7
 PAPER_STEP_S = 0.01  # section 5.1

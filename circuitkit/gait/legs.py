@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import SimulationError
+from circuitkit.base.errors import SimulationError
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from circuitkit.source import FileModel, find_data_file, read_yaml, validate_model
-from circuitkit.source.fields import Metres, Radians, Ratio, Seconds
+from circuitkit.base.source import FileModel, find_data_file, read_yaml, validate_model
+from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
 
 FOLDER = "sims/gaits"
 

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import InputError, Problem, listing, suggest
+from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.gait import LEG_JOINTS, SIDES
 from circuitkit.robots.plant import Plant
 from circuitkit.robots.sensing import SensorLayout

@@ -10,12 +10,12 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from circuitkit.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.units import Unit, parse_unit
 from circuitkit.gait import LEG_JOINTS, GaitSpec, Walk, plan_walk
 from circuitkit.robots.dynamics import BodyDynamics, generalised_positions, joint_targets
 from circuitkit.robots.model import RobotModel
 from circuitkit.robots.sensing import Channel, Observer, channels
-from circuitkit.units import Unit, parse_unit
 
 Array = NDArray[np.float64]
 

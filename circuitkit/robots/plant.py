@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from circuitkit.errors import UnknownNameError
-from circuitkit.source import FileModel
-from circuitkit.source.fields import Kilograms, Radians, Ratio
+from circuitkit.base.errors import UnknownNameError
+from circuitkit.base.source import FileModel
+from circuitkit.base.source.fields import Kilograms, Radians, Ratio
 
 _STEEPEST = math.radians(30)
 

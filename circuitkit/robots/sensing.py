@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import UnknownNameError
+from circuitkit.base.errors import UnknownNameError
+from circuitkit.base.units import Unit, parse_unit
 from circuitkit.gait import LEG_JOINTS
-from circuitkit.units import Unit, parse_unit
 
 Array = NDArray[np.float64]
 

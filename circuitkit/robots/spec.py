@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr, field_validator, model_validator
 
-from circuitkit.errors import UnknownNameError, listing, suggest
+from circuitkit.base.errors import UnknownNameError, listing, suggest
+from circuitkit.base.source import FileModel, read_yaml, validate_model
+from circuitkit.base.source.fields import Damping, Metres, NewtonMetres, Newtons, Radians, Stiffness
 from circuitkit.gait import LEG_JOINTS, LegGeometry
-from circuitkit.source import FileModel, read_yaml, validate_model
-from circuitkit.source.fields import Damping, Metres, NewtonMetres, Newtons, Radians, Stiffness
 
 _HERE = Path(__file__).parent
 FILE_NAME = "robot.yaml"

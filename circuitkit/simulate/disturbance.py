@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import InputError, Problem, UnknownNameError, suggest
+from circuitkit.base.errors import InputError, Problem, UnknownNameError, suggest
+from circuitkit.base.units import parse_quantity
 from circuitkit.gait import LEFT, PHASES, Walk
 from circuitkit.gait.schedule import plan_steps
 from circuitkit.robots import RobotModel, body_number
 from circuitkit.simulate.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push, SensorNoise
-from circuitkit.units import parse_quantity
 
 Array = NDArray[np.float64]
 

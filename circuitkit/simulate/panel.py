@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph
 from circuitkit.draw.layers import Layers, make_layers
 from circuitkit.draw.network import make_network
 from circuitkit.draw.style import GREY, INK, KIND_COLOUR, PALE, PAPER, ROLE_FILL, number
 from circuitkit.simulate.story import MM, Story, support_edges_m
-from circuitkit.units import Unit
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
+from circuitkit.base.files import replacing, write_text
 from circuitkit.circuit import CircuitGraph
-from circuitkit.files import replacing, write_text
 from circuitkit.gait import PHASES, SIDES, Walk
 from circuitkit.gait.lipm import GRAVITY_M_S2, zmp_from_com
 from circuitkit.robots import RobotModel, command_units, robot_channels

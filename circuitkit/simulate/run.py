@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, MissingDependencyError, Problem, UnknownNameError
 from circuitkit.circuit import CircuitGraph, load_circuit, resolve
 from circuitkit.circuit.authoring.settings import resolve_with
 from circuitkit.circuit.silencing import silence
@@ -24,7 +25,6 @@ from circuitkit.control import (
     shipped_controllers,
     walk_reference,
 )
-from circuitkit.errors import InputError, MissingDependencyError, Problem, UnknownNameError
 from circuitkit.gait import LEG_JOINTS, SIDES, GaitSpec, Walk, load_gait
 from circuitkit.robots import (
     Plant,

@@ -11,9 +11,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
-from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
-from circuitkit.robots import Plant
-from circuitkit.source import (
+from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.source import (
     Document,
     FileModel,
     describe,
@@ -22,8 +21,9 @@ from circuitkit.source import (
     read_yaml,
     validate_model,
 )
-from circuitkit.source.fields import Metres, MetresPerSecond, Newtons, Ratio, Seconds
-from circuitkit.units import parse_quantity, parse_unit
+from circuitkit.base.source.fields import Metres, MetresPerSecond, Newtons, Ratio, Seconds
+from circuitkit.base.units import parse_quantity, parse_unit
+from circuitkit.robots import Plant
 
 _FOLDER = "sims"
 _HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import CircuitkitError
+from circuitkit.base.errors import CircuitkitError
 
 Image = NDArray[np.uint8]
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.circuit import CircuitGraph
-from circuitkit.errors import InputError, Problem, listing, suggest
 from circuitkit.gait import GaitSpec
 from circuitkit.robots import robot_channels
 from circuitkit.robots.sensing import Observer

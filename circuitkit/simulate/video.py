@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from circuitkit.base.errors import MissingDependencyError
+from circuitkit.base.files import replacing
 from circuitkit.draw.style import GREY, INK, PAPER
-from circuitkit.errors import MissingDependencyError
-from circuitkit.files import replacing
 from circuitkit.simulate.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
 from circuitkit.simulate.screen import RendererError
 from circuitkit.simulate.stage import Stage

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from circuitkit.errors import CircuitkitError
+from circuitkit.base.errors import CircuitkitError
 
 if TYPE_CHECKING:
     from circuitkit.simulate.run import Result

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from circuitkit.errors import CircuitkitError, UnknownNameError
+from circuitkit.base.errors import CircuitkitError, UnknownNameError
 
 _CHECKOUT = Path(__file__).parent.parent.parent
 ROUND_S = 0.05  # a round of measured work lasts about this long, [s]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from circuitkit.errors import CircuitkitError, InputError
+from circuitkit.base.errors import CircuitkitError, InputError
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.study.jobs import Done, Job, Outcome
 from circuitkit.study.points import Point

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.errors import InputError, Problem
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.gait import SIDES, GaitSpec, load_gait
 from circuitkit.gait.design_sheet import Body, Reach
 from circuitkit.gait.lipm import com_from_zmp, dcm

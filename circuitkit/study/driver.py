@@ -8,8 +8,8 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from circuitkit.errors import CircuitkitError
-from circuitkit.files import OutputError
+from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.files import OutputError
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.study.board import PointsByCell, Progress, Task, boundary_of, drive
 from circuitkit.study.jobs import Job, Outcome, run_job

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from circuitkit.errors import SimulationError
+from circuitkit.base.errors import SimulationError
 from circuitkit.gait import GaitSpec, load_gait
 from circuitkit.robots import build_model, load_robot, plan_robot_walk
 from circuitkit.simulate import Plan, load_scenario, make_plan

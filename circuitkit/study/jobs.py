@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 import circuitkit
-from circuitkit.errors import CircuitkitError
+from circuitkit.base.errors import CircuitkitError
 from circuitkit.simulate import Plan, Push
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.run import PreparedWalk, prepare_walk

@@ -15,18 +15,8 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from pydantic import BaseModel
 
-from circuitkit.circuit import CircuitGraph
-from circuitkit.control import ControllerSpec, load_controller, shipped_controllers
-from circuitkit.control.spec import FOLDER as CONTROLLER_FOLDER
-from circuitkit.errors import InputError, Problem, UnknownNameError
-from circuitkit.gait import GaitSpec, Walk, load_gait
-from circuitkit.gait.schedule import plan_steps
-from circuitkit.gait.spec import FOLDER as GAIT_FOLDER
-from circuitkit.robots import load_robot
-from circuitkit.simulate import Scenario
-from circuitkit.simulate.disturbance import push_start
-from circuitkit.simulate.run import CONTROLLERS, load_graphs
-from circuitkit.source import (
+from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.source import (
     Data,
     Document,
     Finding,
@@ -36,6 +26,16 @@ from circuitkit.source import (
     read_yaml,
     validate_model,
 )
+from circuitkit.circuit import CircuitGraph
+from circuitkit.control import ControllerSpec, load_controller, shipped_controllers
+from circuitkit.control.spec import FOLDER as CONTROLLER_FOLDER
+from circuitkit.gait import GaitSpec, Walk, load_gait
+from circuitkit.gait.schedule import plan_steps
+from circuitkit.gait.spec import FOLDER as GAIT_FOLDER
+from circuitkit.robots import load_robot
+from circuitkit.simulate import Scenario
+from circuitkit.simulate.disturbance import push_start
+from circuitkit.simulate.run import CONTROLLERS, load_graphs
 from circuitkit.study.points import FILES, Point, fingerprint
 from circuitkit.study.spec import Settings, Study, cell_of
 

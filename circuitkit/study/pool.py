@@ -13,7 +13,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, final
 
-from circuitkit.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
 from circuitkit.study.jobs import Done, Job, run_job, versions
 
 # One thread each for the libraries below numpy: the processes share the cores already.

@@ -11,10 +11,10 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import circuitkit
-from circuitkit.errors import CircuitkitError
+from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.units import parse_quantity
 from circuitkit.study.search import allowed_falls, boundary
 from circuitkit.study.spec import Cell, Label, Study
-from circuitkit.units import parse_quantity
 
 if TYPE_CHECKING:
     import pyarrow

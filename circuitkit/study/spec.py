@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from circuitkit.errors import InputError, Problem, UnitError, UnknownNameError, listing, suggest
-from circuitkit.source import (
+from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError, listing, suggest
+from circuitkit.base.source import (
     Data,
     Document,
     FileModel,
@@ -23,8 +23,8 @@ from circuitkit.source import (
     read_yaml,
     validate_model,
 )
-from circuitkit.source.fields import Ratio, Seconds
-from circuitkit.units import Quantity, Unit, parse_quantity
+from circuitkit.base.source.fields import Ratio, Seconds
+from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 if TYPE_CHECKING:
     from circuitkit.study.point_maker import PointMaker

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from circuitkit.errors import CircuitkitError, InputError, MissingDependencyError, Problem
-from circuitkit.files import replacing, write_text
+from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, Problem
+from circuitkit.base.files import replacing, write_text
+from circuitkit.base.units import parse_quantity
 from circuitkit.study.jobs import Outcome, versions
 from circuitkit.study.results import Results, Row
 from circuitkit.study.spec import Study, make_study
-from circuitkit.units import parse_quantity
 
 if TYPE_CHECKING:
     import pyarrow

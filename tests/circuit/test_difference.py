@@ -11,12 +11,12 @@ import strategies
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from circuitkit.base.source import data_folder
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
 from circuitkit.circuit.authoring.difference import Change, compare_circuits
 from circuitkit.circuit.graph import Population, Projection
 from circuitkit.circuit.models import neuron_model
-from circuitkit.source import data_folder
-from circuitkit.units import DIMENSIONLESS
 
 TEXT = (data_folder("circuits") / "binn_lateral.yaml").read_text(encoding="utf-8")
 

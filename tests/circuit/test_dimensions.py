@@ -9,6 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import expression_trees
 
+from circuitkit.base.errors import ExpressionError
+from circuitkit.base.units import parse_unit
 from circuitkit.circuit.expressions.dimensions import (
     NO_DIMENSION,
     OpenDimension,
@@ -20,8 +22,6 @@ from circuitkit.circuit.expressions.expression import (
     Expression,
 )
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.errors import ExpressionError
-from circuitkit.units import parse_unit
 
 
 def of(unit: str) -> OpenDimension:

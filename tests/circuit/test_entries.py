@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
-from circuitkit.errors import InputError, UnknownNameError
 
 BASE = """\
 circuit: keys

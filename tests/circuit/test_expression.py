@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import expression_trees
 
+from circuitkit.base.errors import ExpressionError
 from circuitkit.circuit.expressions.expression import (
     Binary,
     Call,
@@ -18,7 +19,6 @@ from circuitkit.circuit.expressions.expression import (
     Unary,
 )
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.errors import ExpressionError
 
 NAMES = ("A", "slope", "shift")
 

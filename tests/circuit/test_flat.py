@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from circuitkit.base.source import shipped_names
+from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
 from circuitkit.circuit.authoring.flat import exact, flat_yaml
-from circuitkit.source import shipped_names
-from circuitkit.units import parse_quantity, parse_unit
 
 SMALLER = {"balanced_network": {"excitatory.size": 800, "inhibitory.size": 200}}
 finite = st.floats(min_value=-1e100, max_value=1e100)

@@ -13,13 +13,13 @@ import strategies
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from circuitkit.base.errors import InputError
+from circuitkit.base.source import data_folder, dump_yaml, parse_yaml, shipped_names
+from circuitkit.base.source.commented import read_commented
+from circuitkit.base.source.rewriting import write_commented
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
 from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.authoring.formatting import FormatError, format_file, format_text, normal_quantity
-from circuitkit.errors import InputError
-from circuitkit.source import data_folder, dump_yaml, parse_yaml, shipped_names
-from circuitkit.source.commented import read_commented
-from circuitkit.source.rewriting import write_commented
 
 UNTIDY = """\
 # yaml-language-server: $schema=circuit.schema.json

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from circuitkit.base.errors import UnknownNameError
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
 from circuitkit.circuit.authoring.flat import flat_yaml
 from circuitkit.engine import compile_circuit, run
-from circuitkit.errors import UnknownNameError
 
 INNER = """\
 parameters:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from circuitkit.base.units import UNIT_SYMBOLS
 from circuitkit.circuit import check, circuit_schema
 from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.engine import compile_circuit, run
-from circuitkit.units import UNIT_SYMBOLS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "language.md").read_text(encoding="utf-8")
 EXAMPLES = {

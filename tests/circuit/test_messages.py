@@ -8,9 +8,9 @@ import math
 
 import pytest
 
+from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
 from circuitkit.circuit.models import NEURON_MODEL_NAMES
-from circuitkit.errors import InputError, UnknownNameError
 
 BASE = """\
 circuit: small

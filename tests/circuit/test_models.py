@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from circuitkit.base.errors import UnknownNameError
+from circuitkit.base.source import Document
 from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
@@ -22,8 +24,6 @@ from circuitkit.circuit.models import (
 )
 from circuitkit.circuit.models.model import ACTIVATION
 from circuitkit.circuit.models.writing import model_data
-from circuitkit.errors import UnknownNameError
-from circuitkit.source import Document
 
 numbers = st.floats(-10, 10)
 MEMORYLESS = [name for name in NEURON_MODEL_NAMES if not neuron_model(name).states]

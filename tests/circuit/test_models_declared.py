@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from circuitkit.base.errors import InputError
+from circuitkit.base.source import Document, parse_yaml
+from circuitkit.base.units import Dimension, parse_unit
 from circuitkit.circuit.models import read_neuron_model, read_synapse_model, synapse_model
 from circuitkit.circuit.models.model import UnitRule
 from circuitkit.circuit.models.writing import model_data
-from circuitkit.errors import InputError
-from circuitkit.source import Document, parse_yaml
-from circuitkit.units import Dimension, parse_unit
 
 NEURON = """\
 neuron_models:

@@ -17,8 +17,8 @@ import pytest
 from pyarrow import parquet
 from scipy import sparse, stats
 
+from circuitkit.base.errors import InputError, MissingDependencyError, UnknownNameError
 from circuitkit.circuit import check, load_circuit, memory, parse_circuit, resolve
-from circuitkit.errors import InputError, MissingDependencyError, UnknownNameError
 
 BASE = """\
 circuit: many

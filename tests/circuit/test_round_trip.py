@@ -10,10 +10,10 @@ import strategies
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.source import dump_yaml
 from circuitkit.circuit import CircuitSpec, parse_circuit, resolve
 from circuitkit.circuit.authoring.flat import flat_yaml
-from circuitkit.errors import InputError, Problem
-from circuitkit.source import dump_yaml
 
 few = settings(max_examples=40, deadline=None)
 

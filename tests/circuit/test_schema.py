@@ -12,10 +12,10 @@ import strategies
 from hypothesis import given, settings
 
 from circuitkit import circuit
+from circuitkit.base.source import data_folder, read_yaml, shipped_names
 from circuitkit.circuit import circuit_schema
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.circuit.spec import CircuitSpec
-from circuitkit.source import data_folder, read_yaml, shipped_names
 
 PACKAGE = Path(circuit.__file__).parent
 SCHEMA = circuit_schema()

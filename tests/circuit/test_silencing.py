@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from circuitkit import compile_circuit, load_circuit, resolve
+from circuitkit.base.errors import InputError
 from circuitkit.circuit import CircuitGraph, parse_circuit
 from circuitkit.circuit.silencing import connections, silence
 from circuitkit.engine import run
-from circuitkit.errors import InputError
 
 
 def binn() -> CircuitGraph:

@@ -8,12 +8,12 @@ import shlex
 
 import pytest
 
+from circuitkit.base.errors import InputError
+from circuitkit.base.source import data_folder, shipped_names
 from circuitkit.circuit import check, circuit_schema
 from circuitkit.circuit.authoring.formatting import format_text
 from circuitkit.circuit.authoring.starter import TEMPLATES, ExistsError, starter_text, write_starter
 from circuitkit.cli.main import main
-from circuitkit.errors import InputError
-from circuitkit.source import data_folder, shipped_names
 
 MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from circuitkit.base.units import Quantity, parse_quantity
 from circuitkit.circuit import check, parse_circuit, resolve
 from circuitkit.circuit.expressions.values import ValueProblemError, evaluate, unknown_parameter
-from circuitkit.units import Quantity, parse_quantity
 
 PARAMETERS = {
     "w": parse_quantity("2 deg"),

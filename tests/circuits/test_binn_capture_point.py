@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circuitkit.base.units import parse_unit
 from circuitkit.circuit import check, load_circuit, resolve
 from circuitkit.control import CircuitController
 from circuitkit.engine import compile_circuit, run
 from circuitkit.robots import build_model, command_units, load_robot, robot_channels
 from circuitkit.study import load_study, open_pool, run_points
-from circuitkit.units import parse_unit
 
 FALL_TIME_S = 0.166
 SHIPPED = ("binn_sagittal_capture", "binn_sagittal_tuned", "binn_planar_tuned", "binn_omnidirectional_tuned")

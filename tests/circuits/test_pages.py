@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from circuitkit.source import shipped_names
+from circuitkit.base.source import shipped_names
 
 DOCS = Path(__file__).parents[2] / "docs"
 SHIPPED = shipped_names("circuits")

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import circuitkit as package
-from circuitkit.errors import InputError, Problem, SimulationError
+from circuitkit.base.errors import InputError, Problem, SimulationError
 
 COMMANDS = (
     "init",

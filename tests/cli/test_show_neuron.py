@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from circuitkit.base.source import data_folder
 from circuitkit.cli.plot import text_plot
-from circuitkit.source import data_folder
 
 FILE = data_folder("circuits") / "binn_lateral.yaml"
 

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from walking import a_push, assert_same_bits, plan_of, walk_alone
 
+from circuitkit.base.errors import InputError
+from circuitkit.base.source import find_data_file
 from circuitkit.control import load_controller
 from circuitkit.control.capture_step import dcm_at_end, holdable_dcm
-from circuitkit.errors import InputError
 from circuitkit.gait.lipm import natural_frequency
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop
-from circuitkit.source import find_data_file
 
 OMEGA, DT = natural_frequency(0.27), 0.01
 FOOT, PERIOD = 0.059, 0.55  # where the ZMP is under each foot, and how long each carries

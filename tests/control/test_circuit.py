@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuitkit import load_circuit, parse_circuit, resolve, run
+from circuitkit.base.errors import InputError
+from circuitkit.base.units import parse_unit
 from circuitkit.control import CircuitController
 from circuitkit.engine import compile_circuit
-from circuitkit.errors import InputError
-from circuitkit.units import parse_unit
 
 OBSERVATIONS = {"zmp_y": parse_unit("m"), "force_difference": parse_unit("1"), "gyro_x": parse_unit("rad/s")}
 COMMANDS = {"ankle_roll": parse_unit("deg"), "ankle_pitch": parse_unit("deg")}

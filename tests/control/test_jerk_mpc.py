@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import lsq_linear
 
+from circuitkit.base.errors import MissingDependencyError
 from circuitkit.control.jerk_mpc import (
     JerkMpc,
     box_solver,
@@ -20,7 +21,6 @@ from circuitkit.control.jerk_mpc import (
     transition,
     zmp_row,
 )
-from circuitkit.errors import MissingDependencyError
 from circuitkit.gait.lipm import natural_frequency
 
 HEIGHT, STEP, STEPS, WEIGHT = 0.27, 0.02, 75, 1e6

@@ -7,9 +7,9 @@ import re
 import pytest
 from walking import plan_of
 
+from circuitkit.base.errors import InputError
 from circuitkit.control import Controller, load_controller, shipped_controllers
 from circuitkit.control.spec import KINDS
-from circuitkit.errors import InputError
 
 MPC = """\
 controller: own

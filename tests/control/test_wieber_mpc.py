@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from walking import a_push, assert_same_bits, plan_of
 
+from circuitkit.base.errors import InputError
 from circuitkit.control import load_controller
-from circuitkit.errors import InputError
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop
 from circuitkit.study.gait_figures import gait_figures

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from circuitkit.base.errors import InputError
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.draw import draw_activations, draw_traces
 from circuitkit.draw.activations import activations_figure, make_panels
 from circuitkit.draw.traces import Activity, Band, Line, Panel, Span, _columns, traces_figure
-from circuitkit.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ from html.parser import HTMLParser
 import matplotlib as mpl
 import pytest
 
+from circuitkit.base.errors import InputError
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
 from circuitkit.draw import draw_circuit
 from circuitkit.draw.style import EXCITATORY, INHIBITORY, ROLE_FILL, SENSORIAL
-from circuitkit.errors import InputError
 
 FORMATS = (".png", ".svg", ".pdf", ".dot", ".html")
 SVG = "{http://www.w3.org/2000/svg}"

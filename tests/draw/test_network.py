@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from drawing import assert_nothing_overlaps, dense, layout_of
 
+from circuitkit.base.source import shipped_names
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
 from circuitkit.circuit.graph import Projection
 from circuitkit.draw import draw_circuit
 from circuitkit.draw.network import make_network
 from circuitkit.draw.wording import rule_text
-from circuitkit.source import shipped_names
 
 HEAD = "circuit: c\ncontrol_step: 10 ms\ntiming: ordered\n"
 RING = (

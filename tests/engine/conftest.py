@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from hypothesis import strategies as st
 
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse, Timing
 from circuitkit.circuit.models import neuron_model
 from circuitkit.engine.backends import compiled_backend
 from circuitkit.engine.backends.c.build import unavailable
-from circuitkit.units import DIMENSIONLESS
 
 sys.path.insert(0, str(Path(__file__).parent))  # for `reference` and `random_circuits`
 TIMINGS: tuple[Timing, ...] = ("as_printed", "synchronous", "ordered")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from hypothesis import strategies as st
 
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import (
     CircuitGraph,
@@ -21,7 +22,6 @@ from circuitkit.circuit.graph import (
 )
 from circuitkit.circuit.models import STATIC, NeuronModel, Spike, SynapseModel, UnitRule, neuron_model
 from circuitkit.circuit.models.model import Method, ModelParameter, ModelState
-from circuitkit.units import DIMENSIONLESS
 
 RULE = UnitRule("1")
 TIMINGS: tuple[Timing, ...] = ("as_printed", "synchronous", "ordered")

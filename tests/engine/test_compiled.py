@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from programs import program_of
 from random_circuits import any_circuits
 
+from circuitkit.base.errors import DivergedError, InputError
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.c import fusion, source
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.operations import Map, Noise, Recall, Remember, Sum
-from circuitkit.errors import DivergedError, InputError
 
 pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
 FORMS = {"unrolled": 10**6, "loops": -1}

@@ -2,9 +2,9 @@
 
 import pytest
 
+from circuitkit.base.errors import InputError
 from circuitkit.circuit import memory, parse_circuit, resolve
 from circuitkit.engine import compile_circuit
-from circuitkit.errors import InputError
 
 CIRCUIT = """\
 circuit: late

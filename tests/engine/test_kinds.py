@@ -10,6 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_circuits import NEURON_KINDS, any_circuits
 
+from circuitkit.base.errors import InputError, UnknownNameError
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.graph import (
     CircuitGraph,
     InputNode,
@@ -21,8 +23,6 @@ from circuitkit.circuit.graph import (
 )
 from circuitkit.circuit.models import neuron_model
 from circuitkit.engine import compile_circuit, run, step
-from circuitkit.errors import InputError, UnknownNameError
-from circuitkit.units import DIMENSIONLESS
 
 MODERATE = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 

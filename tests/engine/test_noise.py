@@ -5,11 +5,11 @@ import pytest
 from reference import normal
 from scipy import stats
 
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
 from circuitkit.circuit.models import neuron_model
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.noise import NormalNumbers
-from circuitkit.units import DIMENSIONLESS
 
 
 def noisy(sigma=0.5, model="identity", size=3):

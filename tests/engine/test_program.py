@@ -5,13 +5,13 @@ import warnings
 import numpy as np
 import pytest
 
+from circuitkit.base.errors import DivergedError, InputError, UnknownNameError
 from circuitkit.circuit import memory
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import State, compile_circuit, run, step
 from circuitkit.engine.backends import BACKEND_NAMES
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.lowering.maps import make_map
-from circuitkit.errors import DivergedError, InputError, UnknownNameError
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import time
 import numpy as np
 import pytest
 
+from circuitkit.base.errors import InputError
 from circuitkit.engine import compile_circuit
 from circuitkit.engine.realtime import PERCENTILES, realtime
-from circuitkit.errors import InputError
 
 
 @pytest.fixture(scope="module")

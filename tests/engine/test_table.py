@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.io import netcdf_file
 
+from circuitkit.base.errors import InputError
+from circuitkit.base.files import OutputError
 from circuitkit.circuit import load_circuit, memory, resolve
 from circuitkit.engine.table import run_table, write_run
-from circuitkit.errors import InputError
-from circuitkit.files import OutputError
 
 RELAY = """\
 circuit: relay

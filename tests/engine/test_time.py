@@ -7,10 +7,10 @@ import pytest
 from random_circuits import METHODS, leaky, neuron_kind, pair, synapse_kind
 from scipy.integrate import solve_ivp
 
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Neuron, OutputNode, Synapse
 from circuitkit.circuit.models import STATIC, neuron_model
 from circuitkit.engine import compile_circuit, run
-from circuitkit.units import DIMENSIONLESS
 
 ORDERS = {"euler": 1, "exponential_euler": 1, "rk4": 4}
 STEP_S = 0.01
@@ -167,7 +167,7 @@ def test_in_an_ordered_circuit_a_delayed_synapse_closes_no_cycle():
 
 
 def test_equations_that_are_not_linear_have_no_exact_solution():
-    from circuitkit.errors import InputError
+    from circuitkit.base.errors import InputError
 
     bent = neuron_kind("bent", ["tau"], ["v"], "v", "exact", derivatives={"v": "(A - v ** 3) / tau"})
     with pytest.raises(InputError) as error:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.gait import design as eq
 
 MASS, HEIGHT, STEP = 5.18, 0.27, 0.01  # section 4.2 and 5.1

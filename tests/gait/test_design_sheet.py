@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.gait.design_sheet import PAPER_BODY, Reach, make_sheet, show
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from circuitkit.errors import SimulationError
+from circuitkit.base.errors import SimulationError
 from circuitkit.gait import LegGeometry
 from circuitkit.gait import legs as eq
 

@@ -7,9 +7,9 @@ import math
 import pytest
 from walking import GAITS
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
+from circuitkit.base.source.data_files import shipped_names
 from circuitkit.gait import load_gait
-from circuitkit.source.data_files import shipped_names
 
 GOOD = """\
 gait: mine

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from mistakes.corpus import CIRCUIT, Case, typos_of_names, written_cases
 
+from circuitkit.base.errors import Problem
 from circuitkit.circuit import check
-from circuitkit.errors import Problem
 
 CASES = written_cases()
 BASES = sorted((Path(__file__).parent / "bases").iterdir())

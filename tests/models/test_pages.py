@@ -10,12 +10,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from circuitkit.base.errors import InputError
 from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
 from circuitkit.circuit.expressions.expression import FUNCTION_ARITY
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.circuit.models.forms import NeuronForm, SynapseForm
 from circuitkit.engine import compile_circuit, run
-from circuitkit.errors import InputError
 
 DOCS = Path(__file__).parents[2] / "docs"
 OWN = (DOCS / "models" / "own_models.md").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ import pytest
 from robots.nao_files import shipped_file, shipped_mjcf, write_robot
 from walking import NAO_LEG_JOINTS, nao
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.robots import Plant, build_model, load_robot
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from walking import GAITS, nao
 
-from circuitkit.errors import InputError, SimulationError, UnknownNameError
+from circuitkit.base.errors import InputError, SimulationError, UnknownNameError
 from circuitkit.gait import LEG_JOINTS, load_gait
 from circuitkit.gait.lipm import zmp_from_com
 from circuitkit.robots import MujocoRobot, Plant, body_number, build_model, load_robot, plan_robot_walk

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from walking import nao
 
-from circuitkit.errors import UnknownNameError
+from circuitkit.base.errors import UnknownNameError
 from circuitkit.gait import LEG_JOINTS, load_gait
 from circuitkit.robots import MujocoRobot, Plant, build_model, load_robot, plan_robot_walk
 from circuitkit.robots.dynamics import BodyDynamics

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from walking import NAO_LEG_JOINTS, nao
 
-from circuitkit.errors import UnknownNameError, listing
+from circuitkit.base.errors import UnknownNameError, listing
 from circuitkit.gait import LEG_JOINTS
 from circuitkit.robots import robot_channels
 from circuitkit.robots.sensing import Observer, centre_of_pressure, total_centre_of_pressure

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from circuitkit.errors import InputError, UnknownNameError
+from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.gait import LEG_JOINTS
 from circuitkit.robots import load_robot, shipped_robots
 

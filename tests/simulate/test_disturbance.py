@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from walking import a_push, fault, nao
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.gait import LEFT, RIGHT, load_gait, plan_walk
 from circuitkit.gait.schedule import EXTEND, LIFT, TRANSFER
 from circuitkit.simulate.disturbance import (

@@ -12,11 +12,11 @@ import xarray as xr
 from simulate.made_up import WEIGHT_N, recording
 from walking import a_push, fault, nao, plan_of
 
-from circuitkit.files import OutputError
+from circuitkit.base.files import OutputError
+from circuitkit.base.units import parse_unit
 from circuitkit.robots import Plant, build_model, load_robot
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop
-from circuitkit.units import parse_unit
 
 
 @cache

@@ -12,12 +12,12 @@ from simulate.test_scenario import TEXT, written
 from walking import assert_same_bits, scenario
 
 import circuitkit
+from circuitkit.base.errors import InputError, UnknownNameError, listing
+from circuitkit.base.source.data_files import data_folder
 from circuitkit.control import shipped_controllers
-from circuitkit.errors import InputError, UnknownNameError, listing
 from circuitkit.robots import load_robot
 from circuitkit.simulate import compare, load_scenario, loop, make_plan, pictures, simulate, watch
 from circuitkit.simulate.disturbance import Trial
-from circuitkit.source.data_files import data_folder
 
 ROW = (
     "scenario", "controller", "seed", "push", "survived", "time_of_fall_s", "max_zmp_excursion_m",

@@ -9,10 +9,10 @@ import pytest
 import yaml
 from walking import scenario
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
+from circuitkit.base.source import data_files
 from circuitkit.robots import Payload, Plant
 from circuitkit.simulate import load_scenario, parse_push
-from circuitkit.source import data_files
 
 SHIPPED = Path(data_files.data_folder("sims")) / "nao_push.yaml"
 TEXT = """\

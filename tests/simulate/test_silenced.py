@@ -7,7 +7,7 @@ import pytest
 from simulate.test_scenario import TEXT, written
 from walking import a_push, scenario
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.simulate import load_scenario, make_plan
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop

@@ -8,7 +8,7 @@ from simulate.made_up import EDGES, edges, recording
 from walking import a_push, plan_of, scenario
 
 from circuitkit import load_circuit, parse_circuit, resolve
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.simulate import judge, threshold_lines
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop

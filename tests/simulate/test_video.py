@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from circuitkit.errors import MissingDependencyError
+from circuitkit.base.errors import MissingDependencyError
 from circuitkit.simulate import screen
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from circuitkit.errors import CircuitkitError, UnknownNameError
+from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.study.bench import Amount, Case, LeftOutError, Loop, Timed, measure, select, shipped_cases
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.gait import load_gait
 from circuitkit.gait.design_sheet import make_sheet
 from circuitkit.study.design import robot_and_reaches

@@ -11,13 +11,13 @@ import pyarrow.parquet
 import pytest
 from study.cut import FORCES_N, SEEDS, small_study
 
-from circuitkit.errors import CircuitkitError, InputError, SimulationError
-from circuitkit.files import OutputError
+from circuitkit.base.errors import CircuitkitError, InputError, SimulationError
+from circuitkit.base.files import OutputError
+from circuitkit.base.source import data_folder
 from circuitkit.simulate import load_scenario, make_plan
 from circuitkit.simulate.disturbance import Trial
 from circuitkit.simulate.loop import run_loop, run_to_see_who_stands
 from circuitkit.simulate.verdict import judge
-from circuitkit.source import data_folder
 from circuitkit.study import make_study, open_pool, read_results, run_points, run_studies, sweep
 from circuitkit.study.driver import estimate
 from circuitkit.study.pool import PoolError

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity, parse_unit
 from circuitkit.circuit.authoring.flat import parameter_unit
 from circuitkit.circuit.graph import (
     CircuitGraph,
@@ -20,7 +21,6 @@ from circuitkit.circuit.graph import (
 )
 from circuitkit.circuit.models import NeuronModel, SynapseModel
 from circuitkit.circuit.resolving.neurons import shown_unit
-from circuitkit.units import DIMENSIONLESS, Unit, format_quantity, parse_unit
 
 Fields: TypeAlias = "dict[str, tuple[Any, Unit | None]]"  # a value, and the unit in which it is shown
 _TINY = 1e-3

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from circuitkit.base.errors import UnknownNameError
 from circuitkit.circuit.authoring.elements import Weights, neuron_fields, value_text
 from circuitkit.circuit.expressions.expression import COMPARISONS, Binary
 from circuitkit.circuit.graph import (
@@ -19,7 +20,6 @@ from circuitkit.circuit.graph import (
     same,
 )
 from circuitkit.circuit.models import NeuronModel
-from circuitkit.errors import UnknownNameError
 
 _STATIC = "static"
 

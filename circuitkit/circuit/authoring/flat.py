@@ -8,6 +8,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.source import dump_yaml
+from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit, parse_unit
 from circuitkit.circuit.expressions.exact import exact
 from circuitkit.circuit.graph import (
     CircuitGraph,
@@ -32,9 +35,6 @@ from circuitkit.circuit.models import (
 from circuitkit.circuit.models.writing import model_data
 from circuitkit.circuit.resolving.ends import End, Nodes
 from circuitkit.circuit.resolving.neurons import shown_unit, start
-from circuitkit.errors import CircuitkitError
-from circuitkit.source import dump_yaml
-from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_unit
 
 _PER_ANGLE = Dimension(angle=-1)
 MOST_LISTED = 10_000  # values that are listed for one population or projection

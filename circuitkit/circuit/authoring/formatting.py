@@ -14,18 +14,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from circuitkit.base.errors import CircuitkitError, InputError, UnitError
+from circuitkit.base.files import replacing
+from circuitkit.base.source import Data, find_data_file, model_problems, parse_yaml, scan_text, scan_yaml
+from circuitkit.base.source.commented import Collection, CommentedText, Entry, Scalar, read_commented
+from circuitkit.base.source.rewriting import write_commented
+from circuitkit.base.source.validation import model_at
+from circuitkit.base.units import DIMENSIONLESS, parse_quantity
 from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.load import FOLDER, parse_circuit
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 from circuitkit.circuit.resolve import resolve
 from circuitkit.circuit.spec import CircuitSpec, FileSpec
-from circuitkit.errors import CircuitkitError, InputError, UnitError
-from circuitkit.files import replacing
-from circuitkit.source import Data, find_data_file, model_problems, parse_yaml, scan_text, scan_yaml
-from circuitkit.source.commented import Collection, CommentedText, Entry, Scalar, read_commented
-from circuitkit.source.rewriting import write_commented
-from circuitkit.source.validation import model_at
-from circuitkit.units import DIMENSIONLESS, parse_quantity
 
 WIDTH = 110
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")

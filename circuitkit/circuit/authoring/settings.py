@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.circuit.resolve import resolve
 from circuitkit.circuit.spec import CircuitSpec
-from circuitkit.errors import InputError, Problem
 
 
 def resolve_with(spec: CircuitSpec, settings: Mapping[str, str], option: str = "--set") -> CircuitGraph:

@@ -7,10 +7,10 @@ import re
 import shlex
 from pathlib import Path
 
+from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnknownNameError
+from circuitkit.base.files import write_text
 from circuitkit.circuit.authoring.schema import circuit_schema
 from circuitkit.circuit.spec import NAME_PATTERN
-from circuitkit.errors import CircuitkitError, InputError, Problem, UnknownNameError
-from circuitkit.files import write_text
 
 _FOLDER = Path(__file__).parent / "starters"
 TEMPLATES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))

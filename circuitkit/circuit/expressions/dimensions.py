@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from itertools import product
 from typing import NamedTuple
 
+from circuitkit.base.errors import ExpressionError
+from circuitkit.base.units import Dimension, parse_unit
 from circuitkit.circuit.expressions.expression import (
     COMPARISONS,
     Binary,
@@ -21,8 +23,6 @@ from circuitkit.circuit.expressions.expression import (
     Unary,
 )
 from circuitkit.circuit.expressions.symbolic import constant, simplify
-from circuitkit.errors import ExpressionError
-from circuitkit.units import Dimension, parse_unit
 
 _NAMED = tuple((symbol, parse_unit(symbol).dimension) for symbol in ("V", "A", "S", "F", "ohm", "N"))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from decimal import Decimal, localcontext
 from fractions import Fraction
 
-from circuitkit.units import DIMENSIONLESS, Unit, parse_quantity
+from circuitkit.base.units import DIMENSIONLESS, Unit, parse_quantity
 
 SAFE_DIGITS = 15  # a decimal number of so many digits survives being a float
 MOST_DIGITS = 17  # with so many, every float is told from its neighbours

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from circuitkit.base.units import DIMENSIONLESS, Unit
 from circuitkit.circuit.expressions.exact import exact
-from circuitkit.units import DIMENSIONLESS, Unit
 
 # Whatever a caller computes with: floats, arrays or symbols. Only the arithmetic operators are asked of it.
 Value: TypeAlias = Any

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, TypeAlias
 
+from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit, format_quantity
 from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
-from circuitkit.units import DIMENSIONLESS, Dimension, Unit, format_quantity
 
 # A float, or a numpy array with a value for each member of a population.
 Number: TypeAlias = Any

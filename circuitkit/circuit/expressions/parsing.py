@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import partial
 
+from circuitkit.base.errors import ExpressionError, listing, suggest
+from circuitkit.base.units import DIMENSIONLESS, Quantity
 from circuitkit.circuit.expressions.expression import (
     CONSTANTS,
     FUNCTION_ARITY,
@@ -19,8 +21,6 @@ from circuitkit.circuit.expressions.expression import (
     Unary,
 )
 from circuitkit.circuit.expressions.quantities import StandIns, with_stand_ins
-from circuitkit.errors import ExpressionError, listing, suggest
-from circuitkit.units import DIMENSIONLESS, Quantity
 
 _MAX_LENGTH = 1000
 _MAX_DEPTH = 50

@@ -7,8 +7,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from keyword import kwlist
 
-from circuitkit.errors import ExpressionError, UnitError
-from circuitkit.units import UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit
+from circuitkit.base.errors import ExpressionError, UnitError
+from circuitkit.base.units import UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit
 
 _NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?")
 _POWER = r"(?:\s*\^\s*-?\d(?!\w))?(?![\w(.])"

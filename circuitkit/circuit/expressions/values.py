@@ -10,6 +10,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from circuitkit.base.errors import ExpressionError, UnitError, listing, suggest
+from circuitkit.base.source import describe
+from circuitkit.base.units import (
+    DIMENSIONLESS,
+    UNIT_SYMBOLS,
+    Quantity,
+    parse_quantity,
+    parse_unit,
+    plain_signs,
+)
 from circuitkit.circuit.expressions.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name
 from circuitkit.circuit.expressions.measures import (
     MEASURE_FUNCTIONS,
@@ -20,9 +30,6 @@ from circuitkit.circuit.expressions.measures import (
 )
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.expressions.quantities import with_stand_ins
-from circuitkit.errors import ExpressionError, UnitError, listing, suggest
-from circuitkit.source import describe
-from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Quantity, parse_quantity, parse_unit, plain_signs
 
 _UNITS = frozenset(UNIT_SYMBOLS) - {"1", "%"}
 _LONE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

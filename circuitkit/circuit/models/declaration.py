@@ -7,6 +7,9 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from circuitkit.base.errors import ExpressionError, InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.source import Document, Place
+from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit, parse_quantity
 from circuitkit.circuit.expressions.dimensions import (
     NO_DIMENSION,
     OpenDimension,
@@ -19,9 +22,6 @@ from circuitkit.circuit.expressions.symbolic import derivative
 from circuitkit.circuit.models.forms import ParameterForm, StateForm
 from circuitkit.circuit.models.model import Method, ModelParameter, ModelState, UnitRule
 from circuitkit.circuit.models.unit_rules import parse_unit_rule
-from circuitkit.errors import ExpressionError, InputError, Problem, UnitError, listing, suggest
-from circuitkit.source import Document, Place
-from circuitkit.units import DIMENSIONLESS, Dimension, Unit, parse_quantity
 
 _NAME = re.compile("[A-Za-z_][A-Za-z0-9_]*")
 _PER_SECOND = OpenDimension(Dimension(time=-1))

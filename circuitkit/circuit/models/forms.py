@@ -9,8 +9,8 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema
 
+from circuitkit.base.source import FileModel
 from circuitkit.circuit.models.model import Method
-from circuitkit.source import FileModel
 
 
 def _as_text(value: object) -> object:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+from circuitkit.base.units import Dimension, Unit
 from circuitkit.circuit.expressions.expression import Expression
-from circuitkit.units import Dimension, Unit
 
 # Names that expressions of neuron models may use beside their own parameters and states:
 ACTIVATION = "A"  # sum of what the synapses deliver (eq. 11), with the noise

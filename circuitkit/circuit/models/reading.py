@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
+from circuitkit.base.errors import InputError, listing
+from circuitkit.base.source import Document, FileModel, Place, model_problems
+from circuitkit.base.units import Unit
 from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
 from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models.declaration import Declaration
@@ -26,9 +29,6 @@ from circuitkit.circuit.models.model import (
     UnitRule,
 )
 from circuitkit.circuit.models.unit_rules import NEURON_WORDS, SYNAPSE_WORDS
-from circuitkit.errors import InputError, listing
-from circuitkit.source import Document, FileModel, Place, model_problems
-from circuitkit.units import Unit
 
 FormT = TypeVar("FormT", bound=FileModel)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
+from circuitkit.base.errors import UnknownNameError
+from circuitkit.base.source import read_yaml
 from circuitkit.circuit.models.model import NeuronModel, SynapseModel
 from circuitkit.circuit.models.reading import read_neuron_model, read_synapse_model
-from circuitkit.errors import UnknownNameError
-from circuitkit.source import read_yaml
 
 _FOLDER = Path(__file__).parent
 NEURON_MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("neurons/*.yaml")))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+from circuitkit.base.errors import UnitError, listing, suggest
+from circuitkit.base.units import DIMENSIONLESS, UNIT_SYMBOLS, Unit, parse_unit
 from circuitkit.circuit.models.model import UnitRule
-from circuitkit.errors import UnitError, listing, suggest
-from circuitkit.units import DIMENSIONLESS, UNIT_SYMBOLS, Unit, parse_unit
 
 NEURON_WORDS = ("activation",)
 SYNAPSE_WORDS = ("activation", "source", "weight")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.expressions.exact import exact
 from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models.model import ModelParameter, ModelState, NeuronModel, SynapseModel
-from circuitkit.units import DIMENSIONLESS
 
 
 def model_data(model: NeuronModel | SynapseModel) -> dict[str, Any]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from circuitkit.errors import Problem
-from circuitkit.units import format_quantity, parse_unit
+from circuitkit.base.errors import Problem
+from circuitkit.base.units import format_quantity, parse_unit
 
 if TYPE_CHECKING:
     from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse

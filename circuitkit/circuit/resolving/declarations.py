@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from circuitkit.base.units import UNIT_SYMBOLS
 from circuitkit.circuit.parts import Part
 from circuitkit.circuit.resolving.items import Findings, Item
 from circuitkit.circuit.spec import ParameterSpec
-from circuitkit.units import UNIT_SYMBOLS
 
 # Tables of results have a column of this name.
 RESERVED_NAME = "time_s"

@@ -7,6 +7,9 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, TypeVar
 
+from circuitkit.base.errors import InputError, listing, suggest
+from circuitkit.base.source import STRAY_TEXT, Document, Place
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
@@ -21,9 +24,6 @@ from circuitkit.circuit.models import (
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import WithModelParameters
-from circuitkit.errors import InputError, listing, suggest
-from circuitkit.source import STRAY_TEXT, Document, Place
-from circuitkit.units import DIMENSIONLESS
 
 ModelT = TypeVar("ModelT", NeuronModel, SynapseModel)
 # How the values of an entry are read: a neuron's as one number each, a population's perhaps as arrays.

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from circuitkit.base.source import Place
+from circuitkit.base.units import DIMENSIONLESS, Unit
 from circuitkit.circuit.graph import InputNode, Neuron, Population, Role
 from circuitkit.circuit.models import NeuronModel
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.scope import Located, Scope
-from circuitkit.source import Place
-from circuitkit.units import DIMENSIONLESS, Unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import get_args
 
+from circuitkit.base.errors import listing, suggest
+from circuitkit.base.units import DIMENSIONLESS, Quantity, parse_unit
 from circuitkit.circuit.graph import Timing
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import FileSpec
-from circuitkit.errors import listing, suggest
-from circuitkit.units import DIMENSIONLESS, Quantity, parse_unit
 
 _SECOND = parse_unit("s")
 HEADER_KEYS = ("control_step", "timing", "substeps", "seed")

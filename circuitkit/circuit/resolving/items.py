@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from circuitkit.base.errors import Problem
+from circuitkit.base.source import FileModel, Place
 from circuitkit.circuit.graph import NO_ORIGIN, Origin
-from circuitkit.errors import Problem
-from circuitkit.source import FileModel, Place
 
 if TYPE_CHECKING:
     from circuitkit.circuit.models import NeuronModel, SynapseModel

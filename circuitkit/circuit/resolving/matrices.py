@@ -17,8 +17,8 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 
+from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
 from circuitkit.circuit.resolving.connectivity import Connections
-from circuitkit.errors import CircuitkitError, MissingDependencyError, listing
 
 Weights = npt.NDArray[np.float64] | None
 Matrix = tuple[Connections, Weights]

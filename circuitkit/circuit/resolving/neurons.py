@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from circuitkit.base.errors import listing, suggest
+from circuitkit.base.source import Place
+from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit
 from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
 from circuitkit.circuit.expressions.measures import Measure, array_functions
 from circuitkit.circuit.graph import Neuron
@@ -17,9 +20,6 @@ from circuitkit.circuit.resolving.declared_models import (
 )
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.scope import Scope
-from circuitkit.errors import listing, suggest
-from circuitkit.source import Place
-from circuitkit.units import DIMENSIONLESS, Dimension, Unit
 
 
 def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.circuit.graph import OutputNode, PerMember
 from circuitkit.circuit.resolving.ends import Nodes
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import OutputSpec
-from circuitkit.units import DIMENSIONLESS, Unit, parse_unit
 
 _READ = ("neuron", "member", "population")
 

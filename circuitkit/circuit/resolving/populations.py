@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from circuitkit.base.source import Place
+from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.graph import Population
 from circuitkit.circuit.models import NeuronModel
@@ -14,8 +16,6 @@ from circuitkit.circuit.resolving.memory import Budget
 from circuitkit.circuit.resolving.neurons import neuron_values
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import PopulationSpec
-from circuitkit.source import Place
-from circuitkit.units import DIMENSIONLESS
 
 # Members are counted with 32 bits.
 LARGEST = 2**31 - 1

@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from circuitkit.base.errors import suggest
+from circuitkit.base.source import Place
+from circuitkit.base.units import DIMENSIONLESS, format_quantity
 from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.expressions.values import names_in
 from circuitkit.circuit.graph import PerMember, Projection, SynapseKind
@@ -37,9 +40,6 @@ from circuitkit.circuit.resolving.synapses import (
     weight_fits,
 )
 from circuitkit.circuit.spec import ConnectSpec, ProjectionSpec
-from circuitkit.errors import suggest
-from circuitkit.source import Place
-from circuitkit.units import DIMENSIONLESS, format_quantity
 
 _SOURCES = ("input", "neuron", "population")
 _TARGETS = ("neuron", "population")

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from circuitkit.base.errors import listing, suggest
+from circuitkit.base.source import Place
+from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit
 from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.expressions.values import (
     LostNameError,
@@ -38,9 +41,6 @@ from circuitkit.circuit.spec import (
     ProjectionSpec,
     SynapseSpec,
 )
-from circuitkit.errors import listing, suggest
-from circuitkit.source import Place
-from circuitkit.units import DIMENSIONLESS, Quantity, Unit
 
 # Far beyond any use, and far from Python's limit of recursion.
 _LONGEST_CHAIN = 50

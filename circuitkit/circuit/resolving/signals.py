@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from circuitkit.base.source import Place
+from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.circuit.resolving.ends import End, Nodes
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit
 from circuitkit.circuit.resolving.scope import Located, Scope
 from circuitkit.circuit.spec import InstanceSpec, OutputSpec
-from circuitkit.source import Place
-from circuitkit.units import DIMENSIONLESS, Unit, parse_unit
 
 _SOURCES = ("input", "neuron", "member", "output")
 

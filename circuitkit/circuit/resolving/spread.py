@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from circuitkit.base.errors import listing, suggest
+from circuitkit.base.source import Place, describe
+from circuitkit.base.units import DIMENSIONLESS, Quantity
 from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import DISTRIBUTIONS
-from circuitkit.errors import listing, suggest
-from circuitkit.source import Place, describe
-from circuitkit.units import DIMENSIONLESS, Quantity
 
 _PAIR = 2
 

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from circuitkit.base.source import Place
+from circuitkit.base.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
 from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
@@ -18,8 +20,6 @@ from circuitkit.circuit.resolving.neurons import in_unit, shown_unit, start
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.resolving.signals import Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
-from circuitkit.source import Place
-from circuitkit.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
 
 _SECOND = parse_unit("s")
 SOURCES, TARGETS = ("input", "neuron", "member"), ("neuron", "member")

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from circuitkit.errors import UnknownNameError
+from circuitkit.base.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from circuitkit.engine.operations import IndexArray

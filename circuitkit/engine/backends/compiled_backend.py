@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING
 
+from circuitkit.base.errors import CircuitkitError
 from circuitkit.engine.backends.c.build import BuildError, unavailable
-from circuitkit.errors import CircuitkitError
 
 if TYPE_CHECKING:
     from circuitkit.engine.backends import Kernel

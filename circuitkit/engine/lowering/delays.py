@@ -6,9 +6,9 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population, Projection, Synapse
 from circuitkit.circuit.memory import shortage
-from circuitkit.errors import InputError, Problem
 
 _BYTES = 3 * 8  # of a number: in a state, in the one before it, and in what runs it
 _MOST_STEPS = 2**31 - 1  # they are counted with 32 bits

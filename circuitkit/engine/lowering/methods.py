@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number
 from circuitkit.circuit.expressions.symbolic import derivative
 from circuitkit.circuit.models.model import Method
@@ -25,7 +26,6 @@ from circuitkit.engine.lowering.maps import make_map
 from circuitkit.engine.lowering.table import Table
 from circuitkit.engine.operations import IndexArray, Map
 from circuitkit.engine.state import FloatArray
-from circuitkit.errors import InputError, Problem
 
 _DT = "dt__"
 STAGES = 4  # of rk4

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.engine.operations import Lowered, Map, Noise, Operation, Sum
-from circuitkit.errors import InputError, Problem
 
 _T = TypeVar("_T")
 

@@ -10,7 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from circuitkit.files import write_text
+from circuitkit.base.files import write_text
 
 FINDING_FILE = "finding.json"
 

@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Mapping, Sequence
 from typing import cast
 
-from circuitkit.errors import UnknownNameError
+from circuitkit.base.errors import UnknownNameError
 from circuitkit.study.reproduce.job import FigureModule
 
 _HERE = "circuitkit.study.reproduce"

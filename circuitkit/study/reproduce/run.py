@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import circuitkit
-from circuitkit.errors import CircuitkitError
-from circuitkit.files import write_text
-from circuitkit.source.data_files import data_folder
+from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.files import write_text
+from circuitkit.base.source.data_files import data_folder
 from circuitkit.study.reproduce.finding import FINDING_FILE, Finding
 from circuitkit.study.reproduce.job import Effort, Job
 from circuitkit.study.reproduce.registry import FIGURES, module_of, select

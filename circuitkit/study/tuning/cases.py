@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import Field, field_validator
 
-from circuitkit.errors import InputError, UnitError
-from circuitkit.source import Document, FileModel, Mark, Place, validate_model
-from circuitkit.source.fields import Ratio, Seconds
+from circuitkit.base.errors import InputError, UnitError
+from circuitkit.base.source import Document, FileModel, Mark, Place, validate_model
+from circuitkit.base.source.fields import Ratio, Seconds
+from circuitkit.base.units import format_quantity, parse_quantity
 from circuitkit.study.spec import Axis, Seeds, Settings, Study, StudyFile
-from circuitkit.units import format_quantity, parse_quantity
 
 _OF_A_STUDY = ("scenario", "set", "watch")  # what a set of runs takes over from its study
 _DIGITS = 12

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.base.files import write_text
 from circuitkit.draw.style import (
     EXCITATORY,
     GREY,
@@ -24,7 +25,6 @@ from circuitkit.draw.style import (
     new_figure,
     save_figure,
 )
-from circuitkit.files import write_text
 from circuitkit.study.tuning.search import Found, Told
 from circuitkit.study.tuning.space import Searched
 from circuitkit.study.tuning.spec import Tuning

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from circuitkit.errors import CircuitkitError, UnknownNameError
-from circuitkit.source import FileModel
+from circuitkit.base.errors import CircuitkitError, UnknownNameError
+from circuitkit.base.source import FileModel
+from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.study.tuning.cases import Case
 from circuitkit.study.tuning.space import QuantityText
-from circuitkit.units import parse_quantity, parse_unit
 
 Row = Mapping[str, Any]
 LIMIT = "limit"  # the figure that is no column

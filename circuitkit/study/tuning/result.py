@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import circuitkit
+from circuitkit.base.errors import CircuitkitError, InputError
+from circuitkit.base.files import OutputError, reason, write_text
+from circuitkit.base.source import dump_yaml, find_data_file
 from circuitkit.circuit import load_circuit, parse_circuit, resolve
 from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.authoring.flat import flat_document
@@ -17,9 +20,6 @@ from circuitkit.circuit.authoring.formatting import format_text
 from circuitkit.circuit.load import FOLDER
 from circuitkit.circuit.spec import CircuitSpec
 from circuitkit.control.spec import FOLDER as CONTROLLERS
-from circuitkit.errors import CircuitkitError, InputError
-from circuitkit.files import OutputError, reason, write_text
-from circuitkit.source import dump_yaml, find_data_file
 from circuitkit.study.tuning.cases import in_words
 from circuitkit.study.tuning.objective import Score, Term
 from circuitkit.study.tuning.rewriting import ElsewhereError, changed_circuit, changed_file, commented

@@ -6,9 +6,9 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from circuitkit.source import dump_yaml
-from circuitkit.source.commented import Collection, Entry, Scalar, read_commented
-from circuitkit.source.rewriting import write_commented
+from circuitkit.base.source import dump_yaml
+from circuitkit.base.source.commented import Collection, Entry, Scalar, read_commented
+from circuitkit.base.source.rewriting import write_commented
 
 _WIDTH = 110
 _SECTIONS = ("parameters", "neurons", "populations", "inputs", "outputs")

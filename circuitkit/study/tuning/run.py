@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.source import Data, Place, find_data_file, read_yaml
+from circuitkit.base.units import format_quantity
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.control import CircuitController
-from circuitkit.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
-from circuitkit.source import Data, Place, find_data_file, read_yaml
 from circuitkit.study.driver import run_points
 from circuitkit.study.jobs import Outcome
 from circuitkit.study.points import Point, fingerprint
@@ -23,7 +24,6 @@ from circuitkit.study.tuning.objective import LIMIT, Row, Score, columns, score
 from circuitkit.study.tuning.result import FOLDERS, make_folder, provenance, write_result
 from circuitkit.study.tuning.search import Candidate, Found, Search, Told, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
-from circuitkit.units import format_quantity
 
 _ALL_DIGITS = 17
 

@@ -22,7 +22,13 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from circuitkit.errors import CircuitkitError, InputError, MissingDependencyError, Problem, SimulationError
+from circuitkit.base.errors import (
+    CircuitkitError,
+    InputError,
+    MissingDependencyError,
+    Problem,
+    SimulationError,
+)
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.space import Searched, texts
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from circuitkit.errors import InputError, UnitError
-from circuitkit.source import Document, FileModel, describe
-from circuitkit.units import Quantity, Unit, parse_quantity
+from circuitkit.base.errors import InputError, UnitError
+from circuitkit.base.source import Document, FileModel, describe
+from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution

@@ -12,15 +12,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.source import Document, FileModel, Place, find_data_file, read_yaml, validate_model
+from circuitkit.base.source.fields import Ratio, Seconds
+from circuitkit.base.units import parse_quantity
 from circuitkit.circuit.spec import PlainName
-from circuitkit.errors import InputError, Problem, UnitError, listing, suggest
-from circuitkit.source import Document, FileModel, Place, find_data_file, read_yaml, validate_model
-from circuitkit.source.fields import Ratio, Seconds
 from circuitkit.study.spec import FOLDER, Seeds
 from circuitkit.study.tuning.cases import Runs, RunSet, in_words, make_runs
 from circuitkit.study.tuning.objective import LIMIT, Term
 from circuitkit.study.tuning.space import Searched, ValueText, start_values
-from circuitkit.units import parse_quantity
 
 TARGETS = ("circuit", "controller", "gait")
 SEED = "seed"

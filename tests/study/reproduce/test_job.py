@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.study import make_study
 from circuitkit.study.reproduce.job import Job
 

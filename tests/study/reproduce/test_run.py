@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from study.reproduce.made_up import MadeUpFigure
 
-from circuitkit.errors import SimulationError, UnknownNameError
+from circuitkit.base.errors import SimulationError, UnknownNameError
 from circuitkit.study.reproduce import registry, run
 from circuitkit.study.reproduce.finding import FINDING_FILE
 from circuitkit.study.reproduce.job import Effort

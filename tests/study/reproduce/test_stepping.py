@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from matplotlib.image import imread
 
+from circuitkit.base.source import find_data_file
 from circuitkit.control import load_controller
-from circuitkit.source import find_data_file
 from circuitkit.study import load_study
 from circuitkit.study.push_bounds import PushKind
 from circuitkit.study.reproduce import stepping

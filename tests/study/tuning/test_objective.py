@@ -7,7 +7,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from circuitkit.errors import UnknownNameError
+from circuitkit.base.errors import UnknownNameError
 from circuitkit.study.tuning.cases import Case
 from circuitkit.study.tuning.objective import FigureError, Term, limit, score
 

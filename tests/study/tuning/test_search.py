@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from circuitkit.errors import CircuitkitError, InputError, SimulationError
+from circuitkit.base.errors import CircuitkitError, InputError, SimulationError
+from circuitkit.base.units import parse_quantity
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.search import Candidate, Found, Search, run_search, silence_optuna
 from circuitkit.study.tuning.space import Searched
-from circuitkit.units import parse_quantity
 
 PARAMETERS = {
     "w": Searched.model_validate({"from": "-2 deg", "to": "2 deg"}),

@@ -6,9 +6,9 @@ import pytest
 from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 from pydantic import ValidationError
 
-from circuitkit.errors import UnitError
+from circuitkit.base.errors import UnitError
+from circuitkit.base.units import parse_quantity
 from circuitkit.study.tuning.space import Searched
-from circuitkit.units import parse_quantity
 
 
 def searched(**keys: object) -> Searched:

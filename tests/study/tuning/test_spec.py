@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from small_tuning import SMALL, written
 
-from circuitkit.errors import InputError
+from circuitkit.base.errors import InputError
 from circuitkit.study.tuning.run import check, start_of, tune
 from circuitkit.study.tuning.spec import load_tuning
 

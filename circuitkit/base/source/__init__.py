@@ -3,10 +3,10 @@
 Circuits, gaits, robots and scenarios are all read through here, so that all of them give the same messages.
 """
 
-from circuitkit.source.data_files import data_folder, find_data_file, shipped_names
-from circuitkit.source.document import Data, Document, Mark, Place, place_text
-from circuitkit.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
-from circuitkit.source.validation import (
+from circuitkit.base.source.data_files import data_folder, find_data_file, shipped_names
+from circuitkit.base.source.document import Data, Document, Mark, Place, place_text
+from circuitkit.base.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
+from circuitkit.base.source.validation import (
     STRAY_TEXT,
     FileModel,
     Finding,
@@ -14,7 +14,7 @@ from circuitkit.source.validation import (
     model_problems,
     validate_model,
 )
-from circuitkit.source.writer import dump_yaml
+from circuitkit.base.source.writer import dump_yaml
 
 __all__ = [
     "STRAY_TEXT",

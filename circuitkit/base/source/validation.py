@@ -11,9 +11,9 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from circuitkit.errors import InputError, Problem, listing, suggest
-from circuitkit.source.document import Data, Document, Place
-from circuitkit.units import format_quantity, parse_quantity
+from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.source.document import Data, Document, Place
+from circuitkit.base.units import format_quantity, parse_quantity
 
 _UNION_KINDS = (Union, types.UnionType)
 STRAY_TEXT = "inside braces, put a text that contains a comma in quotes"

@@ -14,9 +14,9 @@ from typing import Any, NoReturn
 
 import yaml
 
-from circuitkit.errors import InputError, Problem, suggest
-from circuitkit.source.document import Data, Document, Mark, Place, place_text
-from circuitkit.source.scalars import RefusedScalarError, plain_scalar
+from circuitkit.base.errors import InputError, Problem, suggest
+from circuitkit.base.source.document import Data, Document, Mark, Place, place_text
+from circuitkit.base.source.scalars import RefusedScalarError, plain_scalar
 
 _MOST_BY_ALIASES = 200_000
 _DEEPEST = 50

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from circuitkit.source.commented import Collection, CommentedText, Entry, Scalar
+from circuitkit.base.source.commented import Collection, CommentedText, Entry, Scalar
 
 _INDENT = 2
 _BEFORE_COMMENT = 2

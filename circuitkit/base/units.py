@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import NamedTuple
 
-from circuitkit.errors import UnitError, listing, suggest
+from circuitkit.base.errors import UnitError, listing, suggest
 
 
 class Dimension(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
-from circuitkit.errors import Problem
+from circuitkit.base.errors import Problem
 
 # What a file can hold. Keys are always text.
 Data: TypeAlias = "bool | int | float | str | list[Data] | dict[str, Data] | None"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from circuitkit.errors import CircuitkitError
+from circuitkit.base.errors import CircuitkitError
 
 
 class OutputError(CircuitkitError):

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from circuitkit.source.validation import describe
-from circuitkit.units import parse_quantity, parse_unit
+from circuitkit.base.source.validation import describe
+from circuitkit.base.units import parse_quantity, parse_unit
 
 
 def _reader(unit_text: str, example: str) -> Callable[[object], float]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from circuitkit.errors import InputError, Problem, listing, suggest
+from circuitkit.base.errors import InputError, Problem, listing, suggest
 
-_PACKAGE = Path(__file__).parent.parent
+_PACKAGE = Path(__file__).parents[2]
 _SUFFIX = ".yaml"
 
 
