@@ -15,11 +15,11 @@ import numpy as np
 
 from circuitkit.base.errors import MissingDependencyError
 from circuitkit.control import load_controller
-from circuitkit.control.jerk_mpc import OWN, BoxSolver, JerkMpc, box_solver
-from circuitkit.control.wieber_mpc import WieberMpcSpec
-from circuitkit.simulate import Plan, load_scenario, make_plan
+from circuitkit.biped.control.jerk_mpc import OWN, BoxSolver, JerkMpc, box_solver
+from circuitkit.biped.control.wieber_mpc import WieberMpcSpec
+from circuitkit.simulation import Plan, load_scenario, make_plan
 from circuitkit.study.bench import Amount, AnyCase, Case, LeftOutError, Loop
-from circuitkit.study.reproduce.timing import mpc_solves, network_steps
+from circuitkit.paper.reproduce.timing import mpc_solves, network_steps
 
 _CIRCUIT = "binn_lateral_tuned"
 _SOLVES = 200

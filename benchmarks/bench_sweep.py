@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mujoco.batch import Batch
 
-from circuitkit.robots.dynamics import generalised_positions
+from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.study import Study, load_study, sweep
 from circuitkit.study.bench import Amount
 from circuitkit.study.board import BATCH

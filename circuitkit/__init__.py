@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     )
     from circuitkit.draw import draw_activations, draw_circuit, draw_traces
     from circuitkit.engine import Program, State, Stepper, Trace, compile_circuit, run, step
-    from circuitkit.simulate import Recording, Scenario, compare, load_scenario, simulate
+    from circuitkit.simulation import Recording, Scenario, compare, load_scenario, simulate
 
 __version__ = "0.1.0"
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from circuitkit import compile_circuit, load_circuit, resolve, run
 from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
-from circuitkit.gait.lipm import natural_frequency
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
+from circuitkit.biped.gait.lipm import natural_frequency
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
 from circuitkit.study import load_study
 
 if TYPE_CHECKING:

@@ -59,8 +59,8 @@ def write_push_pictures() -> None:
     """The pushed NAO under both controllers: the plot of the comparison, and stills of the film."""
     from PIL import Image
 
-    from circuitkit.simulate import compare
-    from circuitkit.simulate.video import FRAMES_PER_S, Reel
+    from circuitkit.simulation import compare
+    from circuitkit.simulation.video import FRAMES_PER_S, Reel
 
     with tempfile.TemporaryDirectory() as folder:
         results = compare("nao_push", ["open_loop", "circuit"], output=folder)

@@ -5,7 +5,7 @@ Run it with: python examples/push_the_nao.py
 
 from __future__ import annotations
 
-from circuitkit.simulate import load_scenario, simulate
+from circuitkit.simulation import load_scenario, simulate
 
 # Any field of a scenario can be changed in Python; the file stays as it is.
 scenario = load_scenario("nao_push").model_copy(update={"gait": "gait_march", "duration": 9.0})

@@ -34,13 +34,13 @@ def test_every_promised_name_is_there(name):
     assert getattr(circuitkit, name).__name__.removeprefix("circuitkit.") == name
 
 
-@pytest.mark.parametrize("before", ["", "import circuitkit.simulate", "from circuitkit import simulate"])
+@pytest.mark.parametrize("before", ["", "import circuitkit.simulation", "from circuitkit import simulate"])
 def test_simulate_is_a_function_and_a_room_whatever_was_imported_before(before):
     code = f"""
 {before}
 from circuitkit import simulate
-import circuitkit.simulate as room
-from circuitkit.simulate import load_scenario
+import circuitkit.simulation as room
+from circuitkit.simulation import load_scenario
 assert callable(simulate) and callable(room.simulate) and callable(load_scenario)
 try:
     simulate()

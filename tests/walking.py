@@ -9,12 +9,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from circuitkit.gait import LEG_JOINTS
+from circuitkit.biped.gait import LEG_JOINTS
 from circuitkit.robots import RobotModel, build_model, load_robot
-from circuitkit.simulate import Plan, Push, Recording, load_scenario, make_plan
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
-from circuitkit.simulate.scenario import Fault, Jitter, Scenario, SensorNoise
+from circuitkit.simulation import Plan, Push, Recording, load_scenario, make_plan
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.scenario import Fault, Jitter, Scenario, SensorNoise
 
 GAITS = ("gait_march", "gait_walk_2cm", "gait_walk_4cm")
 

@@ -73,7 +73,7 @@ def compare(
     require_folder(output, video=video)
     values = named_values(settings, *SETTINGS)
 
-    from circuitkit.simulate import compare as run_comparison
+    from circuitkit.simulation import compare as run_comparison
 
     results = run_comparison(
         scenario,

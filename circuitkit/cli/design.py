@@ -15,7 +15,7 @@ import typer
 from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
-    from circuitkit.gait.design_sheet import Body, Bound, Reach, Sheet
+    from circuitkit.paper.design_sheet import Body, Bound, Reach, Sheet
 
 _OF_A_PUSH = 2  # of force, duration and w; eq. 21 gives the third
 _TEXT_WIDTH = 110  # of the notes below the tables
@@ -100,7 +100,7 @@ def design(
     if len(given) != _OF_A_PUSH:
         message = f"found {', '.join(given) or 'none of them'}; allowed: two of {', '.join(pair)}"
         raise typer.BadParameter(message)
-    from circuitkit.gait.design_sheet import Reach, make_sheet
+    from circuitkit.paper.design_sheet import Reach, make_sheet
 
     if output is not None:
         from circuitkit.draw.style import PICTURES, require_suffix
@@ -127,7 +127,7 @@ def design(
             push_height_m=_read("--push-height", push_height, "m", "368 mm"),
         )
     if output is not None:
-        from circuitkit.study.design_figure import draw_design
+        from circuitkit.paper.design_figure import draw_design
 
         draw_design(sheet, output)
     if as_json:
@@ -192,12 +192,12 @@ def _naming(force: str | None, duration: str | None) -> Iterator[None]:
 
 def _robot(name: str | None, gait: str | None, moment: float | None) -> tuple[Body, tuple[Reach, ...]]:
     """The robot of a file while it walks, or the paper's."""
-    from circuitkit.gait.design_sheet import PAPER_BODY, PAPER_REACH
+    from circuitkit.paper.design_sheet import PAPER_BODY, PAPER_REACH
 
     if name is None:
         return PAPER_BODY, (PAPER_REACH,)
     from circuitkit.base.errors import InputError, Problem, UnknownNameError, listing, suggest
-    from circuitkit.study.design import PUSHED_AT, robot_and_reaches
+    from circuitkit.paper.design import PUSHED_AT, robot_and_reaches
 
     try:
         return robot_and_reaches(name, gait or "gait_march", PUSHED_AT if moment is None else moment)
@@ -217,7 +217,7 @@ def _changed(body: Body, **values: float | None) -> Body:
 
 def _print(sheet: Sheet) -> None:
     """The tables for a person, the traps, and what to write into the circuit file."""
-    from circuitkit.gait.design_sheet import show
+    from circuitkit.paper.design_sheet import show
 
     body = sheet.body
     robot = f"{show(body.mass_kg, 'kg')}, CoM at {show(body.com_height_m, 'm')}"
@@ -252,7 +252,7 @@ def _print(sheet: Sheet) -> None:
 
 
 def _bound_row(bound: Bound) -> tuple[str, ...]:
-    from circuitkit.gait.design_sheet import show
+    from circuitkit.paper.design_sheet import show
 
     verdict = "beyond both" if not bound.under_bound else "under both"
     if bound.under_bound and not bound.under_lasting:

@@ -10,7 +10,7 @@ import typer
 from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
-    from circuitkit.study.reproduce.finding import Claim
+    from circuitkit.paper.reproduce.finding import Claim
 
 
 def register(app: typer.Typer) -> None:
@@ -60,7 +60,7 @@ def reproduce(
     if output.exists() and not output.is_dir():
         message = f"'{output}' is no folder"
         raise typer.BadParameter(message, param_hint="--output")
-    from circuitkit.study.reproduce import reproduce as make
+    from circuitkit.paper.reproduce import reproduce as make
 
     made = make(figures or [], output, quick=quick, workers=workers, again=again, progress=True, say=note)
     claims = [(finding.figure, claim) for finding in made.findings for claim in finding.claims]

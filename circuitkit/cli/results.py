@@ -13,7 +13,7 @@ from circuitkit.cli.main import INTERRUPTED
 from circuitkit.cli.printing import note, print_json, print_table
 
 if TYPE_CHECKING:
-    from circuitkit.simulate.run import Result
+    from circuitkit.simulation.run import Result
 
 
 _CIRCUIT = "circuit"  # the controller that --set is for

@@ -69,7 +69,7 @@ def simulate(
     require_folder(output, video=video)
     values = named_values(settings, *SETTINGS)
 
-    from circuitkit.simulate import simulate as run_simulation
+    from circuitkit.simulation import simulate as run_simulation
 
     result = run_simulation(
         scenario,

@@ -3,8 +3,8 @@
 from circuitkit.control.circuit import CircuitController
 from circuitkit.control.controller import Controller
 from circuitkit.control.open_loop import OpenLoop
-from circuitkit.control.planned import PlannedChannel, planned_channels
-from circuitkit.control.reference import Body, Footstep, WalkReference, walk_reference
+from circuitkit.biped.control.planned import PlannedChannel, planned_channels
+from circuitkit.biped.control.reference import Body, Footstep, WalkReference, walk_reference
 from circuitkit.control.spec import ControllerSpec, load_controller, shipped_controllers
 
 __all__ = [

@@ -11,7 +11,7 @@ from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control.controller import Array
-from circuitkit.control.planned import PlannedChannel
+from circuitkit.biped.control.planned import PlannedChannel
 from circuitkit.engine import compile_circuit
 
 

@@ -11,9 +11,9 @@ from pydantic import ConfigDict, Field, field_validator
 
 from circuitkit.base.errors import UnknownNameError, listing, suggest
 from circuitkit.base.source import Data, FileModel, find_data_file, read_yaml, shipped_names, validate_model
-from circuitkit.control.capture_step import CaptureStepSpec
-from circuitkit.control.dcm_ankle import DcmAnkleSpec
-from circuitkit.control.wieber_mpc import WieberMpcSpec
+from circuitkit.biped.control.capture_step import CaptureStepSpec
+from circuitkit.biped.control.dcm_ankle import DcmAnkleSpec
+from circuitkit.biped.control.wieber_mpc import WieberMpcSpec
 
 FOLDER = "sims/controllers"
 

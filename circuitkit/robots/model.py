@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
-from circuitkit.gait import LEG_JOINTS, SIDES
+from circuitkit.biped.gait import LEG_JOINTS, SIDES
 from circuitkit.robots.plant import Plant
-from circuitkit.robots.sensing import SensorLayout
+from circuitkit.biped.sensing import SensorLayout
 from circuitkit.robots.spec import RobotSpec
 
 _FLOOR = "floor"

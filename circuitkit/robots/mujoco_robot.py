@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.units import Unit, parse_unit
-from circuitkit.gait import LEG_JOINTS, GaitSpec, Walk, plan_walk
-from circuitkit.robots.dynamics import BodyDynamics, generalised_positions, joint_targets
+from circuitkit.biped.gait import LEG_JOINTS, GaitSpec, Walk, plan_walk
+from circuitkit.biped.dynamics import BodyDynamics, generalised_positions, joint_targets
 from circuitkit.robots.model import RobotModel
-from circuitkit.robots.sensing import Channel, Observer, channels
+from circuitkit.biped.sensing import Channel, Observer, channels
 
 Array = NDArray[np.float64]
 

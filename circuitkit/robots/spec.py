@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, field_validator, model
 from circuitkit.base.errors import UnknownNameError, listing, suggest
 from circuitkit.base.source import FileModel, read_yaml, validate_model
 from circuitkit.base.source.fields import Damping, Metres, NewtonMetres, Newtons, Radians, Stiffness
-from circuitkit.gait import LEG_JOINTS, LegGeometry
+from circuitkit.biped.gait import LEG_JOINTS, LegGeometry
 
 _HERE = Path(__file__).parent
 FILE_NAME = "robot.yaml"

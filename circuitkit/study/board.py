@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from circuitkit.base.errors import CircuitkitError, InputError
-from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulation.disturbance import Trial
 from circuitkit.study.jobs import Done, Job, Outcome
 from circuitkit.study.points import Point
 from circuitkit.study.pool import Pool, PoolError

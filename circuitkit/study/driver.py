@@ -10,7 +10,7 @@ from pathlib import Path
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import OutputError
-from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulation.disturbance import Trial
 from circuitkit.study.board import PointsByCell, Progress, Task, boundary_of, drive
 from circuitkit.study.jobs import Job, Outcome, run_job
 from circuitkit.study.points import Point

@@ -12,10 +12,10 @@ import numpy as np
 
 import circuitkit
 from circuitkit.base.errors import CircuitkitError
-from circuitkit.simulate import Plan, Push
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.run import PreparedWalk, prepare_walk
-from circuitkit.simulate.verdict import Judged, run_and_judge
+from circuitkit.simulation import Plan, Push
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.run import PreparedWalk, prepare_walk
+from circuitkit.biped.thresholds import Judged, run_and_judge
 from circuitkit.study.points import Point
 
 _KEPT_WALKS = 16  # robots with their walks that a worker keeps

@@ -29,13 +29,13 @@ from circuitkit.base.source import (
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import ControllerSpec, load_controller, shipped_controllers
 from circuitkit.control.spec import FOLDER as CONTROLLER_FOLDER
-from circuitkit.gait import GaitSpec, Walk, load_gait
-from circuitkit.gait.schedule import plan_steps
-from circuitkit.gait.spec import FOLDER as GAIT_FOLDER
+from circuitkit.biped.gait import GaitSpec, Walk, load_gait
+from circuitkit.biped.gait.schedule import plan_steps
+from circuitkit.biped.gait.spec import FOLDER as GAIT_FOLDER
 from circuitkit.robots import load_robot
-from circuitkit.simulate import Scenario
-from circuitkit.simulate.disturbance import push_start
-from circuitkit.simulate.run import CONTROLLERS, load_graphs
+from circuitkit.simulation import Scenario
+from circuitkit.simulation.disturbance import push_start
+from circuitkit.simulation.run import CONTROLLERS, load_graphs
 from circuitkit.study.points import FILES, Point, fingerprint
 from circuitkit.study.spec import Settings, Study, cell_of
 

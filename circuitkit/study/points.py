@@ -14,8 +14,8 @@ from pydantic import BaseModel
 
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import ControllerSpec
-from circuitkit.gait import GaitSpec
-from circuitkit.simulate import Plan, Scenario
+from circuitkit.biped.gait import GaitSpec
+from circuitkit.simulation import Plan, Scenario
 
 FILES = ("robot", "gait", "controller", "circuit")  # keys of a scenario that name files
 _NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from circuitkit.circuit import check, load_circuit, resolve
 from circuitkit.engine import compile_circuit, run, step
 from circuitkit.robots import load_robot
-from circuitkit.simulate import load_scenario, simulate
+from circuitkit.simulation import load_scenario, simulate
 
 W = math.radians(1.63)
 FRONT, BACK, BEYOND = 0.07025, -0.02965, 0.05

@@ -7,7 +7,7 @@ import json
 import pytest
 from study.reproduce.made_up import MadeUpFigure
 
-from circuitkit.study.reproduce import run
+from circuitkit.paper.reproduce import run
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-import circuitkit.simulate as room
+import circuitkit.simulation as room
 from circuitkit.control import shipped_controllers
 
 ROW = {

@@ -13,10 +13,10 @@ from walking import a_push, assert_same_bits, plan_of, walk_alone
 from circuitkit.base.errors import InputError
 from circuitkit.base.source import find_data_file
 from circuitkit.control import load_controller
-from circuitkit.control.capture_step import dcm_at_end, holdable_dcm
-from circuitkit.gait.lipm import natural_frequency
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
+from circuitkit.biped.control.capture_step import dcm_at_end, holdable_dcm
+from circuitkit.biped.gait.lipm import natural_frequency
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
 
 OMEGA, DT = natural_frequency(0.27), 0.01
 FOOT, PERIOD = 0.059, 0.55  # where the ZMP is under each foot, and how long each carries

@@ -14,14 +14,14 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import lsq_linear
 
 from circuitkit.base.errors import MissingDependencyError
-from circuitkit.control.jerk_mpc import (
+from circuitkit.biped.control.jerk_mpc import (
     JerkMpc,
     box_solver,
     preview_matrices,
     transition,
     zmp_row,
 )
-from circuitkit.gait.lipm import natural_frequency
+from circuitkit.biped.gait.lipm import natural_frequency
 
 HEIGHT, STEP, STEPS, WEIGHT = 0.27, 0.02, 75, 1e6
 OMEGA = natural_frequency(HEIGHT)

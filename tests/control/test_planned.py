@@ -8,8 +8,8 @@ import pytest
 from circuitkit.circuit import load_circuit, resolve
 from circuitkit.control import planned_channels
 from circuitkit.engine import compile_circuit, step
-from circuitkit.gait.lipm import GRAVITY_M_S2
-from circuitkit.simulate import load_scenario, make_plan
+from circuitkit.biped.gait.lipm import GRAVITY_M_S2
+from circuitkit.simulation import load_scenario, make_plan
 
 TICKS = 300
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from walking import plan_of
 
-from circuitkit.gait import LEFT, RIGHT
-from circuitkit.gait.lipm import zmp_from_com
+from circuitkit.biped.gait import LEFT, RIGHT
+from circuitkit.biped.gait.lipm import zmp_from_com
 
 
 @pytest.fixture(scope="module")

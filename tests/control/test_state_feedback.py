@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from walking import plan_of
 
-from circuitkit.control.sensed_com import CommandAxis
-from circuitkit.control.state_feedback import AngleFeedback, Calibration, ComFeedback
+from circuitkit.biped.control.sensed_com import CommandAxis
+from circuitkit.biped.control.state_feedback import AngleFeedback, Calibration, ComFeedback
 
 LATERAL = [CommandAxis("lateral")]
 

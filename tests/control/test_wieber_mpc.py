@@ -10,9 +10,9 @@ from walking import a_push, assert_same_bits, plan_of
 
 from circuitkit.base.errors import InputError
 from circuitkit.control import load_controller
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
-from circuitkit.study.gait_figures import gait_figures
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
+from circuitkit.paper.gait_figures import gait_figures
 
 NAMES = ("mpc", "mpc_full")
 EXACT = {"walk_delay": "0 s", "walk_sway": "100 %"}

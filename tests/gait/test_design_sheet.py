@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.gait.design_sheet import PAPER_BODY, Reach, make_sheet, show
+from circuitkit.paper.design_sheet import PAPER_BODY, Reach, make_sheet, show
 
 
 def unmet(sheet):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from circuitkit.gait.lipm import (
+from circuitkit.biped.gait.lipm import (
     com_from_zmp,
     dcm,
     largest_push_force,

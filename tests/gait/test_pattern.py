@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from walking import GAITS, NAO_LEG_JOINTS, bare_nao
 
 from circuitkit.base.errors import SimulationError
-from circuitkit.gait import LEG_JOINTS, SIDES, LegGeometry, Schedule, load_gait, plan_walk
-from circuitkit.gait.pattern import joint_angles
+from circuitkit.biped.gait import LEG_JOINTS, SIDES, LegGeometry, Schedule, load_gait, plan_walk
+from circuitkit.biped.gait.pattern import joint_angles
 from circuitkit.robots import load_robot
 
 LEGS = load_robot("nao").legs.geometry()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from walking import GAITS
 
-from circuitkit.gait import LEFT, PHASES, RIGHT, load_gait
-from circuitkit.gait.schedule import EXTEND, LIFT, STAND, TRANSFER, plan_steps, smooth_step
+from circuitkit.biped.gait import LEFT, PHASES, RIGHT, load_gait
+from circuitkit.biped.gait.schedule import EXTEND, LIFT, STAND, TRANSFER, plan_steps, smooth_step
 
 STEPS = 6
 

@@ -9,7 +9,7 @@ from walking import GAITS
 
 from circuitkit.base.errors import InputError
 from circuitkit.base.source.data_files import shipped_names
-from circuitkit.gait import load_gait
+from circuitkit.biped.gait import load_gait
 
 GOOD = """\
 gait: mine

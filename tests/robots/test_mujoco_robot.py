@@ -11,11 +11,11 @@ import pytest
 from walking import GAITS, nao
 
 from circuitkit.base.errors import InputError, SimulationError, UnknownNameError
-from circuitkit.gait import LEG_JOINTS, load_gait
-from circuitkit.gait.lipm import zmp_from_com
+from circuitkit.biped.gait import LEG_JOINTS, load_gait
+from circuitkit.biped.gait.lipm import zmp_from_com
 from circuitkit.robots import MujocoRobot, Plant, body_number, build_model, load_robot, plan_robot_walk
-from circuitkit.robots.dynamics import BodyDynamics, joint_targets
-from circuitkit.robots.sensing import centre_of_pressure, total_centre_of_pressure
+from circuitkit.biped.dynamics import BodyDynamics, joint_targets
+from circuitkit.biped.sensing import centre_of_pressure, total_centre_of_pressure
 
 LAYOUT = nao().layout
 WEIGHT = 5.19539 * 9.81

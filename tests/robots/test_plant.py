@@ -11,10 +11,10 @@ import pytest
 from walking import nao
 
 from circuitkit.base.errors import UnknownNameError
-from circuitkit.gait import LEG_JOINTS, load_gait
+from circuitkit.biped.gait import LEG_JOINTS, load_gait
 from circuitkit.robots import MujocoRobot, Plant, build_model, load_robot, plan_robot_walk
-from circuitkit.robots.dynamics import BodyDynamics
-from circuitkit.robots.sensing import centre_of_pressure, total_centre_of_pressure
+from circuitkit.biped.dynamics import BodyDynamics
+from circuitkit.biped.sensing import centre_of_pressure, total_centre_of_pressure
 
 LAYOUT = nao().layout
 GRAVITY = 9.81

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from walking import NAO_LEG_JOINTS, nao
 
 from circuitkit.base.errors import UnknownNameError, listing
-from circuitkit.gait import LEG_JOINTS
+from circuitkit.biped.gait import LEG_JOINTS
 from circuitkit.robots import robot_channels
-from circuitkit.robots.sensing import Observer, centre_of_pressure, total_centre_of_pressure
+from circuitkit.biped.sensing import Observer, centre_of_pressure, total_centre_of_pressure
 
 LAYOUT = nao().layout
 CHANNELS = robot_channels(nao())

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from circuitkit.base.errors import InputError, UnknownNameError
-from circuitkit.gait import LEG_JOINTS
+from circuitkit.biped.gait import LEG_JOINTS
 from circuitkit.robots import load_robot, shipped_robots
 
 DATA = yaml.safe_load((Path(__file__).parent / "nao_v4_data.yaml").read_text(encoding="utf-8"))

@@ -9,9 +9,9 @@ import numpy as np
 from walking import nao
 
 from circuitkit import parse_circuit, resolve
-from circuitkit.gait import Walk, load_gait, plan_walk
-from circuitkit.simulate.disturbance import Fates, Trial
-from circuitkit.simulate.recording import Recording
+from circuitkit.biped.gait import Walk, load_gait, plan_walk
+from circuitkit.simulation.disturbance import Fates, Trial
+from circuitkit.simulation.recording import Recording
 
 WEIGHT_N = 50.0
 _OUTERMOST_M = 0.0799  # LFsrFL from the middle between the feet, and RFsrFR on the other side

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from walking import a_push, fault, nao
 
 from circuitkit.base.errors import InputError
-from circuitkit.gait import LEFT, RIGHT, load_gait, plan_walk
-from circuitkit.gait.schedule import EXTEND, LIFT, TRANSFER
-from circuitkit.simulate.disturbance import (
+from circuitkit.biped.gait import LEFT, RIGHT, load_gait, plan_walk
+from circuitkit.biped.gait.schedule import EXTEND, LIFT, TRANSFER
+from circuitkit.simulation.disturbance import (
     Trial,
     delay_ticks,
     direction_of,
@@ -19,7 +19,7 @@ from circuitkit.simulate.disturbance import (
     fault_values,
     push_start,
 )
-from circuitkit.simulate.scenario import Fault, Jitter, SensorNoise
+from circuitkit.simulation.scenario import Fault, Jitter, SensorNoise
 
 LEGS = nao().spec.legs.geometry()
 WALK = plan_walk(load_gait("gait_march"), LEGS, 400)[0]  # 1 s of standing, then five steps and a half

@@ -16,10 +16,10 @@ from circuitkit import parse_circuit, resolve
 from circuitkit.base.errors import InputError
 from circuitkit.base.units import parse_quantity
 from circuitkit.robots import Plant, load_robot
-from circuitkit.simulate import load_scenario, make_plan
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import has_fallen, run_and_watch, run_loop, run_to_see_who_stands
-from circuitkit.simulate.scenario import Jitter, SensorNoise
+from circuitkit.simulation import load_scenario, make_plan
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import has_fallen, run_and_watch, run_loop, run_to_see_who_stands
+from circuitkit.simulation.scenario import Jitter, SensorNoise
 
 CHANCE = {
     "jitter": Jitter.model_validate({"push_start": "20 ms", "base_velocity": "1 cm/s"}),

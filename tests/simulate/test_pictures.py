@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 from circuitkit.robots import load_robot
-from circuitkit.simulate.disturbance import BodyPush, Trial
-from circuitkit.simulate.loop import run_loop
-from circuitkit.simulate.pictures import (
+from circuitkit.simulation.disturbance import BodyPush, Trial
+from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.pictures import (
     BAND,
     PUSHED,
     comparison_figure,
@@ -22,10 +22,10 @@ from circuitkit.simulate.pictures import (
     phase_figure,
     zmp_figure,
 )
-from circuitkit.simulate.run import Result, make_plan
-from circuitkit.simulate.scenario import Fault, Push, Start, load_scenario
-from circuitkit.simulate.story import find_pushes, support_edges_m, tell
-from circuitkit.simulate.verdict import judge
+from circuitkit.simulation.run import Result, make_plan
+from circuitkit.simulation.scenario import Fault, Push, Start, load_scenario
+from circuitkit.simulation.story import find_pushes, support_edges_m, tell
+from circuitkit.biped.thresholds import judge
 
 TICK_S = 0.01
 # The sole reaches 50.0 mm outwards and 38.8 mm inwards of the ankle (B-Human); ankles are at 50 and -50 mm.
@@ -316,7 +316,7 @@ def test_what_a_controller_without_neurons_records_is_drawn_too(pushed):
 
 
 def test_a_curve_of_one_point_gets_no_arrows():
-    from circuitkit.simulate.pictures import _arrows
+    from circuitkit.simulation.pictures import _arrows
 
     drawn = []
     axes = SimpleNamespace(annotate=lambda *_args, **_options: drawn.append(1))

@@ -15,8 +15,8 @@ from walking import a_push, fault, nao, plan_of
 from circuitkit.base.files import OutputError
 from circuitkit.base.units import parse_unit
 from circuitkit.robots import Plant, build_model, load_robot
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
 
 
 @cache

@@ -16,8 +16,8 @@ from circuitkit.base.errors import InputError, UnknownNameError, listing
 from circuitkit.base.source.data_files import data_folder
 from circuitkit.control import shipped_controllers
 from circuitkit.robots import load_robot
-from circuitkit.simulate import compare, load_scenario, loop, make_plan, pictures, simulate, watch
-from circuitkit.simulate.disturbance import Trial
+from circuitkit.simulation import compare, load_scenario, loop, make_plan, pictures, simulate, watch
+from circuitkit.simulation.disturbance import Trial
 
 ROW = (
     "scenario", "controller", "seed", "push", "survived", "time_of_fall_s", "max_zmp_excursion_m",
@@ -108,7 +108,7 @@ def test_push_circuit_and_controller_can_be_given(mine):
 
 
 def test_the_package_is_called_by_the_same_name(mine):
-    assert circuitkit.simulate(mine(), controller="open_loop", push="1N,10ms,left").verdict.survived
+    assert circuitkit.simulation(mine(), controller="open_loop", push="1N,10ms,left").verdict.survived
 
 
 def test_compared_controllers_meet_the_same_fate(mine, tmp_path):

@@ -12,7 +12,7 @@ from walking import scenario
 from circuitkit.base.errors import InputError
 from circuitkit.base.source import data_files
 from circuitkit.robots import Payload, Plant
-from circuitkit.simulate import load_scenario, parse_push
+from circuitkit.simulation import load_scenario, parse_push
 
 SHIPPED = Path(data_files.data_folder("sims")) / "nao_push.yaml"
 TEXT = """\

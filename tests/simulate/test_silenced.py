@@ -8,9 +8,9 @@ from simulate.test_scenario import TEXT, written
 from walking import a_push, scenario
 
 from circuitkit.base.errors import InputError
-from circuitkit.simulate import load_scenario, make_plan
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
+from circuitkit.simulation import load_scenario, make_plan
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
 
 
 def test_a_circuit_whose_ends_are_silenced_is_the_open_loop() -> None:

@@ -9,11 +9,11 @@ from walking import a_push, plan_of, scenario
 
 from circuitkit import load_circuit, parse_circuit, resolve
 from circuitkit.base.errors import InputError
-from circuitkit.simulate import judge, threshold_lines
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
-from circuitkit.simulate.scenario import Jitter
-from circuitkit.simulate.verdict import run_and_judge
+from circuitkit.simulation import judge, threshold_lines
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.scenario import Jitter
+from circuitkit.biped.thresholds import run_and_judge
 
 THRESHOLDS = scenario().thresholds
 ON_LEFT, ON_RIGHT, ON_BOTH = 0.97, 0.03, 0.5

@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 
 from circuitkit.base.errors import MissingDependencyError
-from circuitkit.simulate import screen
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop
-from circuitkit.simulate.panel import Panel
-from circuitkit.simulate.puppet import Puppet, film_model
-from circuitkit.simulate.run import Result, make_plan
-from circuitkit.simulate.scenario import Push, Start, load_scenario
-from circuitkit.simulate.screen import RendererError
-from circuitkit.simulate.story import PushSpan, tell
-from circuitkit.simulate.verdict import judge
-from circuitkit.simulate.video import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, film_side_by_side, frame_count
-from circuitkit.simulate.watch import DisplayError, replay, watch
+from circuitkit.simulation import screen
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.panel import Panel
+from circuitkit.simulation.puppet import Puppet, film_model
+from circuitkit.simulation.run import Result, make_plan
+from circuitkit.simulation.scenario import Push, Start, load_scenario
+from circuitkit.simulation.screen import RendererError
+from circuitkit.simulation.story import PushSpan, tell
+from circuitkit.biped.thresholds import judge
+from circuitkit.simulation.video import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, film_side_by_side, frame_count
+from circuitkit.simulation.watch import DisplayError, replay, watch
 
 LEFTWARD = np.array([0.0, 1.0, 0.0])
 

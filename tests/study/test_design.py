@@ -7,10 +7,10 @@ import math
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.gait import load_gait
-from circuitkit.gait.design_sheet import make_sheet
-from circuitkit.study.design import robot_and_reaches
-from circuitkit.study.design_figure import design_figure, draw_design
+from circuitkit.biped.gait import load_gait
+from circuitkit.paper.design_sheet import make_sheet
+from circuitkit.paper.design import robot_and_reaches
+from circuitkit.paper.design_figure import design_figure, draw_design
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from simulate.made_up import WEIGHT_N, march, recording
 from walking import GAITS, nao, plan_of
 
-from circuitkit.study.gait_figures import gait_figures, measure_gait
+from circuitkit.paper.gait_figures import gait_figures, measure_gait
 
 
 @pytest.fixture(scope="module", params=GAITS)

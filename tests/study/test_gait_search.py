@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from circuitkit.study import gait_search
-from circuitkit.study.gait_figures import GaitFigures
+from circuitkit.paper.gait_figures import GaitFigures
 
 
 def test_the_search_charges_a_fall_more_than_anything_else():

@@ -8,13 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from circuitkit.gait.lipm import natural_frequency
-from circuitkit.simulate import Plan
-from circuitkit.simulate.disturbance import Trial, push_start
-from circuitkit.simulate.loop import run_loop
+from circuitkit.biped.gait.lipm import natural_frequency
+from circuitkit.simulation import Plan
+from circuitkit.simulation.disturbance import Trial, push_start
+from circuitkit.simulation.loop import run_loop
 from circuitkit.study import load_study, make_study, open_pool, run_points
-from circuitkit.study.push_bounds import PushKind, dcm_bounds_around
-from circuitkit.study.reproduce.forces import bounds
+from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
+from circuitkit.paper.reproduce.forces import bounds
 
 INWARD = PushKind("inward", 0.2)
 OUTWARD = PushKind("outward", 0.2)

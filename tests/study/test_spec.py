@@ -10,8 +10,8 @@ import pytest
 
 from circuitkit.base.errors import InputError
 from circuitkit.base.source import find_data_file, read_yaml, shipped_names
-from circuitkit.gait.spec import FOLDER as GAIT_FOLDER
-from circuitkit.simulate import load_scenario
+from circuitkit.biped.gait.spec import FOLDER as GAIT_FOLDER
+from circuitkit.simulation import load_scenario
 from circuitkit.study import Study, load_study, make_study
 from circuitkit.study.spec import FOLDER
 

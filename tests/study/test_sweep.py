@@ -14,10 +14,10 @@ from study.cut import FORCES_N, SEEDS, small_study
 from circuitkit.base.errors import CircuitkitError, InputError, SimulationError
 from circuitkit.base.files import OutputError
 from circuitkit.base.source import data_folder
-from circuitkit.simulate import load_scenario, make_plan
-from circuitkit.simulate.disturbance import Trial
-from circuitkit.simulate.loop import run_loop, run_to_see_who_stands
-from circuitkit.simulate.verdict import judge
+from circuitkit.simulation import load_scenario, make_plan
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop, run_to_see_who_stands
+from circuitkit.biped.thresholds import judge
 from circuitkit.study import make_study, open_pool, read_results, run_points, run_studies, sweep
 from circuitkit.study.driver import estimate
 from circuitkit.study.pool import PoolError

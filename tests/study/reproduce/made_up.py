@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import base64
 
-from circuitkit.study.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.study.reproduce.job import Effort
+from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
+from circuitkit.paper.reproduce.job import Effort
 
 # The smallest PNG there is: one pixel.
 PIXEL = base64.b64decode(

@@ -6,9 +6,9 @@ import pytest
 from matplotlib.image import imread
 
 from circuitkit.study import load_study
-from circuitkit.study.reproduce import ablation, fig9, fig10, fig11, pushed_walk, robustness
-from circuitkit.study.reproduce.finding import Finding, Verdict
-from circuitkit.study.reproduce.job import Job
+from circuitkit.paper.reproduce import ablation, fig9, fig10, fig11, pushed_walk, robustness
+from circuitkit.paper.reproduce.finding import Finding, Verdict
+from circuitkit.paper.reproduce.job import Job
 
 STEP_N = 16.0
 COARSE = {

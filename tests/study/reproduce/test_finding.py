@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from study.reproduce.made_up import a_claim, a_finding, drawn
 
-from circuitkit.study.reproduce.finding import FINDING_FILE, Finding, Verdict, agrees, all_hold, reaches
+from circuitkit.paper.reproduce.finding import FINDING_FILE, Finding, Verdict, agrees, all_hold, reaches
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from circuitkit.study.push_bounds import PushKind
-from circuitkit.study.reproduce.fig11_claims import claims_of
-from circuitkit.study.reproduce.finding import Verdict
-from circuitkit.study.reproduce.forces import Forces
+from circuitkit.paper.push_bounds import PushKind
+from circuitkit.paper.reproduce.fig11_claims import claims_of
+from circuitkit.paper.reproduce.finding import Verdict
+from circuitkit.paper.reproduce.forces import Forces
 
 KINDS = tuple(
     PushKind(direction, duration) for direction in ("outward", "inward") for duration in (0.1, 0.2, 0.4, 1.0)

@@ -6,7 +6,7 @@ import pytest
 
 from circuitkit.base.errors import InputError
 from circuitkit.study import make_study
-from circuitkit.study.reproduce.job import Job
+from circuitkit.paper.reproduce.job import Job
 
 
 def study(**changes):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from circuitkit.study.reproduce.numbers import count, plain, signed_percent, spread, words
+from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, spread, words
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,12 @@ from matplotlib.text import Text
 
 from circuitkit.draw.style import house_style
 from circuitkit.study import load_study
-from circuitkit.study.push_bounds import BoundsAround, PushKind
-from circuitkit.study.reproduce import polar
-from circuitkit.study.reproduce.finding import Finding, Verdict
-from circuitkit.study.reproduce.forces import Forces
-from circuitkit.study.reproduce.job import Job
-from circuitkit.study.reproduce.polar import OMNI, OPEN, PLANAR, Around
+from circuitkit.paper.push_bounds import BoundsAround, PushKind
+from circuitkit.paper.reproduce import polar
+from circuitkit.paper.reproduce.finding import Finding, Verdict
+from circuitkit.paper.reproduce.forces import Forces
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.polar import OMNI, OPEN, PLANAR, Around
 
 STEP_N = 8.0
 DEGREES = np.arange(0, 360, 15)

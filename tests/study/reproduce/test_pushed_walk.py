@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from circuitkit.robots import load_robot
-from circuitkit.study.reproduce.fig10 import verdict_on_return
-from circuitkit.study.reproduce.finding import Verdict
-from circuitkit.study.reproduce.pushed_walk import (
+from circuitkit.paper.reproduce.fig10 import verdict_on_return
+from circuitkit.paper.reproduce.finding import Verdict
+from circuitkit.paper.reproduce.pushed_walk import (
     Excursions,
     PushedWalk,
     beyond,

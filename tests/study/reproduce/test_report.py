@@ -8,8 +8,8 @@ import pytest
 from study.reproduce.made_up import PIXEL, a_claim, a_finding, drawn
 
 import circuitkit
-from circuitkit.study.reproduce.finding import Verdict
-from circuitkit.study.reproduce.report import Entry, as_html, as_markdown
+from circuitkit.paper.reproduce.finding import Verdict
+from circuitkit.paper.reproduce.report import Entry, as_html, as_markdown
 
 
 def entry(figure="fig9", quick=False, version=circuitkit.__version__, **changes):

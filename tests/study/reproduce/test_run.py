@@ -4,9 +4,9 @@ import pytest
 from study.reproduce.made_up import MadeUpFigure
 
 from circuitkit.base.errors import SimulationError, UnknownNameError
-from circuitkit.study.reproduce import registry, run
-from circuitkit.study.reproduce.finding import FINDING_FILE
-from circuitkit.study.reproduce.job import Effort
+from circuitkit.paper.reproduce import registry, run
+from circuitkit.paper.reproduce.finding import FINDING_FILE
+from circuitkit.paper.reproduce.job import Effort
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ from matplotlib.image import imread
 from circuitkit.base.source import find_data_file
 from circuitkit.control import load_controller
 from circuitkit.study import load_study
-from circuitkit.study.push_bounds import PushKind
-from circuitkit.study.reproduce import stepping
-from circuitkit.study.reproduce.finding import Finding, Verdict
-from circuitkit.study.reproduce.forces import Forces
-from circuitkit.study.reproduce.job import Job
+from circuitkit.paper.push_bounds import PushKind
+from circuitkit.paper.reproduce import stepping
+from circuitkit.paper.reproduce.finding import Finding, Verdict
+from circuitkit.paper.reproduce.forces import Forces
+from circuitkit.paper.reproduce.job import Job
 
 CUT = {
     "axes": {"contender": ["ankles", "stepping"], "pushes[0].duration": ["0.2 s"]},

@@ -1,0 +1,1 @@
+"""A biped: its gait, channels, controllers and measures."""

@@ -1,0 +1,100 @@
+"""Rigid-body dynamics along a walk: the ZMP of the whole body, and the torques that its servos must hold."""
+
+from __future__ import annotations
+
+import copy
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.biped.gait import Walk
+from circuitkit.robots.model import RobotModel
+
+Array = NDArray[np.float64]
+
+_BASE_DOFS = 6
+
+
+class BodyDynamics:
+    """Inverse dynamics of a robot whose joints follow a walk exactly, feet flat on the ground.
+
+    MuJoCo's inverse dynamics without contacts gives the force F and the moment M (about the torso's origin o)
+    that the ground must exert on the floating base. Their ZMP is x = (o_x F_z - o_z F_x - M_y) / F_z and
+    y = (o_y F_z - o_z F_y + M_x) / F_z. Put on the feet that carry the weight instead of on the base, they
+    leave the torques of the joints.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._robot = robot
+        self._model = copy.deepcopy(robot.model)
+        disable = mujoco.mjtDisableBit
+        for flag in (disable.mjDSBL_CONSTRAINT, disable.mjDSBL_ACTUATION, disable.mjDSBL_SENSOR):
+            self._model.opt.disableflags |= int(flag)
+        self._data = mujoco.MjData(self._model)
+
+    def zmp(self, walk: Walk) -> Array:
+        """ZMP along the walk, forward and sideways; shape (T, 2), [m]."""
+        positions, forces = self._inverse(walk)
+        origin, force, moment = positions[:, :3], forces[:, :3], forces[:, 3:_BASE_DOFS]
+        turned = np.column_stack([-moment[:, 1], moment[:, 0]])
+        points: Array = origin[:, :2] + (turned - origin[:, 2:3] * force[:, :2]) / force[:, 2:3]
+        return points
+
+    def torques(self, walk: Walk) -> Array:
+        """Torque of every servo along the walk, the ground's force shared by the feet as the ZMP says.
+
+        Returns:
+            Shape (T, n), [N m].
+        """
+        positions, forces = self._inverse(walk)
+        left = walk.schedule.left_load
+        point = np.zeros((3, self._model.nv))
+        turn = np.zeros((3, self._model.nv))
+        torques = forces[:, self._robot.dof_index]
+        for tick, share in enumerate(left):
+            self._data.qpos = positions[tick]
+            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_comPos(self._model, self._data)
+            force, moment = forces[tick, :3], forces[tick, 3:_BASE_DOFS]
+            for part, foot in zip((share, 1.0 - share), self._robot.feet_id, strict=True):
+                if part > 0:
+                    mujoco.mj_jac(self._model, self._data, point, turn, positions[tick, :3], foot)
+                    torques[tick] -= part * (force @ point + moment @ turn)[self._robot.dof_index]
+        return torques
+
+    def _inverse(self, walk: Walk) -> tuple[Array, Array]:
+        """Positions, shape (T, nq), and the generalised forces that they need, shape (T, nv)."""
+        model, data = self._model, self._data
+        positions = generalised_positions(self._robot, walk)
+        # The torso keeps upright, so the quaternion is constant and velocities are plain differences.
+        moving = np.zeros((walk.ticks, model.nv))
+        moving[:, :3] = positions[:, :3]
+        moving[:, self._robot.dof_index] = positions[:, self._robot.qpos_index]
+        dt = walk.gait.control_step
+        velocity, acceleration = np.zeros_like(moving), np.zeros_like(moving)
+        velocity[1:-1] = (moving[2:] - moving[:-2]) / (2 * dt)
+        acceleration[1:-1] = (moving[2:] - 2 * moving[1:-1] + moving[:-2]) / dt**2
+        forces = np.empty_like(moving)
+        for tick in range(walk.ticks):
+            data.qpos, data.qvel, data.qacc = positions[tick], velocity[tick], acceleration[tick]
+            mujoco.mj_inverse(model, data)
+            forces[tick] = data.qfrc_inverse
+        return positions, forces
+
+
+def generalised_positions(robot: RobotModel, walk: Walk) -> Array:
+    """`qpos` along a walk: torso upright over the pelvis; shape (T, nq)."""
+    positions = np.zeros((walk.ticks, robot.model.nq))
+    positions[:, :3] = walk.pelvis_m
+    positions[:, 2] += robot.spec.legs.hip_offset_z
+    positions[:, 3] = 1.0
+    positions[:, robot.qpos_index] = joint_targets(robot, walk)
+    return positions
+
+
+def joint_targets(robot: RobotModel, walk: Walk) -> Array:
+    """Angles of all servos along a walk; shape (T, n), [rad]."""
+    targets = np.repeat(robot.posture[None], walk.ticks, axis=0)
+    targets[:, robot.leg_index] = walk.joints_rad
+    return targets

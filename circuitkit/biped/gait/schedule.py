@@ -1,0 +1,118 @@
+"""When each foot stands where: the time plan of a walk, tick by tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.biped.gait.spec import GaitSpec
+
+Array = NDArray[np.float64]
+
+# Phases of a walk; transfer, lift and extend are the paper's movements (Fig. 3).
+PHASES = ("stand", "transfer", "lift", "extend")
+STAND, TRANSFER, LIFT, EXTEND = range(4)
+LEFT, RIGHT = 0, 1
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The time plan of a walk; T ticks, feet in the order left, right.
+
+    Attributes:
+        step: Step number from 0, -1 while standing; shape (T,).
+        phase: Index into `PHASES`; shape (T,).
+        support: The foot to stand on, `LEFT` or `RIGHT`, or -1 while standing; shape (T,).
+        single_support: How far into single support, 0 to 1; shape (T,).
+        feet_x_m: Where the feet are, forward; shape (T, 2).
+        lift_m: How high they are; shape (T, 2).
+        zmp_m: Reference of the ZMP, forward and sideways; shape (T, 2).
+        left_load: Part of the weight on the left foot that goes with it; shape (T,).
+    """
+
+    step: NDArray[np.int64]
+    phase: NDArray[np.int64]
+    support: NDArray[np.int64]
+    single_support: Array
+    feet_x_m: Array
+    lift_m: Array
+    zmp_m: Array
+    left_load: Array
+
+
+def smooth_step(progress: Array) -> Array:
+    """10 s^3 - 15 s^4 + 6 s^5: from 0 to 1 with zero velocity and acceleration at both ends; clipped."""
+    s = np.clip(progress, 0.0, 1.0)
+    smooth: Array = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return smooth
+
+
+def plan_steps(gait: GaitSpec, steps: int) -> Schedule:
+    """The time plan of `steps` steps from standing; the left foot supports the first one.
+
+    Args:
+        gait: The walk.
+        steps: How many.
+    """
+    dt = gait.control_step
+    stand_ticks = round(gait.stand / dt)
+    tick = np.arange(stand_ticks + steps * gait.step_ticks)
+    step = np.where(tick < stand_ticks, -1, (tick - stand_ticks) // gait.step_ticks)
+    in_step = (tick - stand_ticks - step * gait.step_ticks) * dt
+    walking = step >= 0
+    single = np.where(walking, np.clip((in_step - gait.double_support) / gait.single_support, 0.0, 1.0), 0.0)
+    support = np.where(walking, step % 2, -1)
+
+    before, after = _footprints(gait.step_length, steps)
+    moved = smooth_step((single - gait.swing.start) / (gait.swing.end - gait.swing.start))
+    feet_x = before[step] + (after[step] - before[step]) * moved[:, None]
+    raised = gait.lift.height * _bump((single - gait.lift.start) / (gait.lift.end - gait.lift.start))
+    lift = np.where(support[:, None] == np.array([RIGHT, LEFT]), raised[:, None], 0.0)
+
+    # The ZMP goes linearly from one support point to the next during double support.
+    share = np.where(walking, np.clip(in_step / gait.double_support, 0.0, 1.0), 0.0)[:, None]
+    point = _support_points(gait, before)
+    previous = np.maximum(step, 0)
+    zmp = point[previous] * (1.0 - share) + point[step + 1] * share
+    left_load = np.clip(0.5 + 0.5 * zmp[:, 1] / gait.zmp.sideways, 0.0, 1.0)
+    return Schedule(step, _phases(gait, step, in_step, single), support, single, feet_x, lift, zmp, left_load)
+
+
+def _bump(progress: Array) -> Array:
+    bump: Array = np.sin(np.pi * np.clip(progress, 0.0, 1.0)) ** 2
+    return bump
+
+
+def _phases(gait: GaitSpec, step: NDArray[np.int64], in_step: Array, single: Array) -> NDArray[np.int64]:
+    """The movement of each tick: the foot goes up until the middle of the lift window, then down."""
+    top = (gait.lift.start + gait.lift.end) / 2
+    in_transfer = in_step < gait.double_support - 1e-9
+    moving = np.where(single < top, LIFT, EXTEND)
+    return np.where(step < 0, STAND, np.where(in_transfer, TRANSFER, moving))
+
+
+def _footprints(step_length_m: float, steps: int) -> tuple[Array, Array]:
+    """Forward positions of the feet before and after each step; the last row is for standing at first."""
+    number = np.arange(steps)
+    swing = 1 - number % 2
+    before = np.zeros((steps + 1, 2))
+    after = np.zeros((steps + 1, 2))
+    for k, foot in zip(number, swing, strict=True):
+        after[k] = before[k]
+        after[k, foot] = before[k, 1 - foot] + step_length_m
+        if k + 1 < steps:
+            before[k + 1] = after[k]
+    return before, after
+
+
+def _support_points(gait: GaitSpec, before: Array) -> Array:
+    """ZMP reference of standing (row 0) and of the single support of step k (row k + 1); (steps + 1, 2)."""
+    steps = len(before) - 1
+    foot = np.arange(steps) % 2
+    points = np.zeros((steps + 1, 2))
+    points[:, 0] = gait.zmp.forward
+    points[1:, 0] += before[np.arange(steps), foot]
+    points[1:, 1] = np.where(foot == LEFT, gait.zmp.sideways, -gait.zmp.sideways)
+    return points

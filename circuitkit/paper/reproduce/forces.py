@@ -1,0 +1,151 @@
+"""Largest survived forces of several contenders and the bound; their ratios as the paper takes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from circuitkit.simulation.disturbance import direction_of, push_start
+from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
+
+if TYPE_CHECKING:
+    from circuitkit.simulation import Plan
+    from circuitkit.study import Limit, Study
+    from circuitkit.paper.reproduce.job import Job
+
+DIRECTION, DURATION = "pushes[0].direction", "pushes[0].duration"
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces by push, [N].
+
+    Attributes:
+        survived: The largest that was survived, by contender.
+        bound: What no control with the ankles can exceed whose torso does not turn, pushed where it is.
+        point_mass: The same for a push at the height of the centre of mass.
+        falls_unpushed: Contenders that did not survive the force 0 either, in some run.
+        circuits: Name of the circuit of a contender that has one.
+    """
+
+    survived: Mapping[str, Mapping[PushKind, float]]
+    bound: Mapping[PushKind, float]
+    point_mass: Mapping[PushKind, float]
+    falls_unpushed: frozenset[str] = frozenset()
+    circuits: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def kinds(self) -> tuple[PushKind, ...]:
+        """All pushes."""
+        return tuple(self.bound)
+
+    def ratio(self, contender: str, baseline: str, kinds: Sequence[PushKind] | None = None) -> float:
+        """Mean over pushes of force over force; pushes of which the baseline survives none are left out.
+
+        Args:
+            contender: Whose force is above.
+            baseline: Whose is below.
+            kinds: Only these pushes.
+
+        Returns:
+            Not a number if nothing is left.
+        """
+        mine, theirs = self.survived[contender], self.survived[baseline]
+        return mean(mine[kind] / theirs[kind] for kind in kinds or self.kinds if theirs[kind] > 0)
+
+    def of_bound(self, contender: str, kinds: Sequence[PushKind] | None = None) -> float:
+        """Mean over pushes of the part of the bound that is reached."""
+        mine = self.survived[contender]
+        return mean(mine[kind] / self.bound[kind] for kind in kinds or self.kinds)
+
+    def wins(self, contender: str, baseline: str) -> int:
+        """In how many pushes it survives more."""
+        mine, theirs = self.survived[contender], self.survived[baseline]
+        return sum(mine[kind] > theirs[kind] for kind in self.kinds)
+
+    def largest(self, contender: str) -> PushKind:
+        """The push of which it survives most."""
+        return max(self.kinds, key=lambda kind: self.survived[contender][kind])
+
+    def shortest(self, direction: str) -> PushKind:
+        """The shortest push of a direction."""
+        return min(self.of_direction(direction), key=lambda kind: kind.duration_s)
+
+    def of_direction(self, direction: str) -> tuple[PushKind, ...]:
+        """The pushes of a direction, the shortest first."""
+        those = (kind for kind in self.kinds if kind.direction == direction)
+        return tuple(sorted(those, key=lambda kind: kind.duration_s))
+
+
+def measure(job: Job, study: Study) -> Forces:
+    """The largest survived forces of all contenders of a study, and the bound on the same walk."""
+    limits = job.sweep(study, apart="contender").limits()
+    survived = by_contender(limits)
+    kinds = tuple(next(iter(survived.values())))
+    bound, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)
+    return Forces(survived, bound, point_mass, fall_unpushed(limits), circuits_of(study))
+
+
+def listed(forces: Mapping[str, Mapping[PushKind, float]]) -> list[dict[str, Any]]:
+    """Forces as rows, for the data of a finding."""
+    return [
+        {"contender": name, "direction": kind.direction, "duration_s": kind.duration_s, "force_n": force}
+        for name, by_kind in forces.items()
+        for kind, force in by_kind.items()
+    ]
+
+
+def mean(values: Iterable[float]) -> float:
+    """The mean; not a number of nothing."""
+    every = tuple(values)
+    return sum(every) / len(every) if every else math.nan
+
+
+def by_contender(limits: Sequence[Limit], axis: str = "contender") -> dict[str, dict[PushKind, float]]:
+    """The largest survived forces of a study over contenders, directions and durations."""
+    found: dict[str, dict[PushKind, float]] = {}
+    for limit in limits:
+        found.setdefault(str(limit.labels[axis]), {})[kind_of(limit)] = limit.largest
+    return found
+
+
+def bounds(plan: Plan, kinds: Iterable[PushKind]) -> tuple[dict[PushKind, float], dict[PushKind, float]]:
+    """The bound of the DCM for pushes to the side.
+
+    Args:
+        plan: Its first push says when, and where on the body.
+        kinds: Directions inward and outward, and durations.
+
+    Returns:
+        For the push where it is, and for the same at the height of the centre of mass.
+    """
+    _, support = push_start(plan.scenario.pushes[0], plan.walk)
+    upright, point_mass = {}, {}
+    for kind in kinds:
+        forward, left, _ = direction_of(kind.direction, support)
+        found = dcm_bounds_around(plan, np.array([math.atan2(left, forward)]), kind.duration_s)
+        upright[kind], point_mass[kind] = float(found.upright_n[0]), float(found.point_mass_n[0])
+    return upright, point_mass
+
+
+def fall_unpushed(limits: Sequence[Limit], axis: str = "contender") -> frozenset[str]:
+    """Contenders that fell with the force 0 in some run."""
+    return frozenset(str(limit.labels[axis]) for limit in limits if limit.fails_at == 0)
+
+
+def circuits_of(study: Study, axis: str = "contender") -> dict[str, str]:
+    """Which circuit each contender has."""
+    return {
+        value.text: str(value.settings["circuit"])
+        for value in study.axes[axis]
+        if "circuit" in value.settings
+    }
+
+
+def kind_of(limit: Limit) -> PushKind:
+    """Which push a cell of such a study is about."""
+    return PushKind(str(limit.labels[DIRECTION]), float(str(limit.labels[DURATION])))

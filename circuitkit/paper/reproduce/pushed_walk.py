@@ -1,0 +1,193 @@
+"""The paper's first simulation study: the walk that is pushed, recorded, and what is measured on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.biped.gait.lipm import natural_frequency
+from circuitkit.robots import RobotSpec
+from circuitkit.simulation import Recording, Scenario, judge, load_scenario, make_plan, threshold_lines
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.story import support_edges_m
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SCENARIO = "nao_push"
+SEEDS, QUICK_SEEDS = range(20), range(5)
+NEAR_M = 0.005  # to its limit cycle
+WATCHED_S = 6.0  # after the end of the push
+_SETTLED_S = 2.0  # until then a walk that begins from standing is not on its limit cycle
+
+
+@dataclass(frozen=True)
+class PushedWalk:
+    """Robots that walk and are pushed, one for each seed.
+
+    Attributes:
+        scenario: What was run.
+        recording: Every tick of all of them.
+        survived: Which stood at the end; shape (B,).
+    """
+
+    scenario: Scenario
+    recording: Recording
+    survived: Flags
+
+    def push_s(self, robot: int) -> tuple[float, float]:
+        """When the push on a robot began and ended."""
+        start, end = self.recording.fates.windows_s[robot]
+        return float(start), float(end)
+
+    def end_tick(self, robot: int) -> int:
+        """Ticks until a robot fell, or all."""
+        fall = judge(self.recording, self.scenario.thresholds, robot).time_of_fall_s
+        return self.recording.ticks if fall is None else round(fall / self.step_s)
+
+    @property
+    def step_s(self) -> float:
+        """The control step."""
+        return self.recording.walk.gait.control_step
+
+
+def record_pushed_walk(controller: str, seeds: Sequence[int]) -> PushedWalk:
+    """Run the scenario of section 5.2 for several seeds, until six seconds after the push.
+
+    Args:
+        controller: As in a scenario.
+        seeds: Of noise and jitter.
+
+    Raises:
+        InputError: A name is unknown.
+    """
+    scenario = load_scenario(SCENARIO)
+    plan = make_plan(scenario)
+    trials = [Trial(seed, scenario.pushes) for seed in seeds]
+    last = float(plan.setup(controller, trials).fates.windows_s.max()) + WATCHED_S
+    shorter = scenario.model_copy(update={"duration": min(scenario.duration, np.ceil(last))})
+    recording = run_loop(make_plan(shorter).setup(controller, trials))
+    verdicts = [judge(recording, scenario.thresholds, robot) for robot in range(len(trials))]
+    return PushedWalk(shorter, recording, np.array([verdict.survived for verdict in verdicts]))
+
+
+@dataclass(frozen=True)
+class Excursions:
+    """How long a ZMP was beyond thresholds after a push, in one run; [s], nothing if it never was.
+
+    Attributes:
+        first: From the first crossing to being back inside, for a moment at least.
+        longest: The longest time outside at a stretch.
+        total: All time outside.
+        until_calm: From the first crossing until it stays inside for a whole step; nothing if it never does.
+    """
+
+    first: float | None
+    longest: float | None
+    total: float
+    until_calm: float | None
+
+
+def excursions(outside: Flags, step_s: float, calm_ticks: int) -> Excursions:
+    """Measure the times outside.
+
+    Args:
+        outside: Whether the ZMP is beyond a threshold, from the push on; shape (T,).
+        step_s: Time between ticks.
+        calm_ticks: Ticks of a step.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], outside, [False]])))
+    if len(edges) == 0:
+        return Excursions(None, None, 0.0, None)
+    begins, ends = edges[::2], edges[1::2]
+    calm = np.append(begins[1:], len(outside) + (0 if outside[-1] else 1)) - ends > calm_ticks
+    until = float((ends[calm.argmax()] - begins[0]) * step_s) if calm.any() else None
+    lengths = (ends - begins) * step_s
+    return Excursions(float(lengths[0]), float(lengths.max()), float(lengths.sum()), until)
+
+
+def thresholds_for_cells_m(walk: PushedWalk) -> Array:
+    """Where the circuit's thresholds stand, in each tick of each robot: right, left; shape (T, B, 2)."""
+    recording = walk.recording
+    lines = threshold_lines(recording.yardstick or recording.circuit, walk.scenario.thresholds)
+    return np.asarray(lines[recording.support])
+
+
+def thresholds_for_pressure_m(walk: PushedWalk) -> Array:
+    """The same for the true centre of pressure: as far inside the soles' edges as those inside the cells'."""
+    recording, spec = walk.recording, walk.recording.robot.spec
+    lines = threshold_lines(recording.yardstick or recording.circuit, walk.scenario.thresholds)
+    moved = lines + support_edges_m(spec) - cell_edges_m(spec)
+    return np.asarray(moved[recording.support])
+
+
+def cell_edges_m(robot: RobotSpec) -> Array:
+    """Edges of the hull of the force cells, as `support_edges_m` has those of the soles; shape (3, 2)."""
+    offset = robot.legs.hip_offset_y
+    left = [offset + place[1] for place in robot.feet.left.cells.values()]
+    right = [-offset + place[1] for place in robot.feet.right.cells.values()]
+    return np.array([(min(left), max(left)), (min(right), max(right)), (min(right), max(left))])
+
+
+def zmp_as_read_m(walk: PushedWalk) -> Array:
+    """ZMP_y as the controller read it, with the cells' noise; without, if it read none; shape (T, B)."""
+    recording, channel = walk.recording, walk.scenario.thresholds.channel
+    if channel in recording.observation_names:
+        return np.asarray(recording.observations[:, :, recording.observation_names.index(channel)])
+    return recording.channel(channel)
+
+
+def beyond(values: Array, lines: Array) -> Flags:
+    """Whether values are outside of lines by more than rounding; shapes (T, B) and (T, B, 2)."""
+    return np.asarray((values < lines[..., 0] - 1e-9) | (values > lines[..., 1] + 1e-9))
+
+
+def measure_excursions(walk: PushedWalk, values: Array, lines: Array) -> tuple[Excursions, ...]:
+    """Of every robot, from its push to its fall or the end."""
+    outside = beyond(values, lines)
+    found = []
+    for robot in range(outside.shape[1]):
+        begin, end = round(walk.push_s(robot)[0] / walk.step_s), walk.end_tick(robot)
+        ticks = walk.recording.walk.gait.step_ticks
+        found.append(excursions(outside[begin:end, robot], walk.step_s, ticks))
+    return tuple(found)
+
+
+def time_to_limit_cycle_s(walk: PushedWalk) -> tuple[float | None, ...]:
+    """From the push until the CoM stays near its limit cycle.
+
+    The cycle is the mean of the double steps before the push, in the plane of y and y'/omega. Near is 5 mm,
+    a small part of its width of some 60 mm.
+
+    Returns:
+        Seconds for each robot, nothing for one that fell or had not returned at the end.
+    """
+    recording = walk.recording
+    heights = recording.com_m[:100, :, 2].mean(axis=0)
+    omega = np.array([natural_frequency(float(height)) for height in heights])  # each robot for itself
+    points = np.stack([recording.com_m[..., 1], recording.com_velocity[..., 1] / omega], axis=-1)
+    return tuple(_return_s(walk, points[:, robot], robot) for robot in range(points.shape[1]))
+
+
+def _return_s(walk: PushedWalk, points: Array, robot: int) -> float | None:
+    if not walk.survived[robot]:
+        return None
+    cycle_ticks = 2 * walk.recording.walk.gait.step_ticks
+    begin = round(walk.push_s(robot)[0] / walk.step_s)
+    cycles = (begin - round(_SETTLED_S / walk.step_s)) // cycle_ticks
+    before = points[begin - cycles * cycle_ticks : begin]
+    cycle = before.reshape(cycles, cycle_ticks, 2).mean(axis=0)
+    away = np.flatnonzero(_distances(points[begin:], cycle) > NEAR_M)
+    if len(away) == 0:
+        return 0.0
+    back = away[-1] + 1
+    return float(back * walk.step_s) if begin + back < len(points) else None
+
+
+def _distances(points: Array, cycle: Array) -> Array:
+    """From every point to the nearest of the cycle; shape (T,)."""
+    return np.asarray(np.linalg.norm(points[:, None] - cycle[None], axis=-1).min(axis=1))

@@ -1,0 +1,205 @@
+"""Films of recordings: the robot, the push as an arrow, the active neurons, the ZMP; one run or several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from circuitkit.base.errors import MissingDependencyError
+from circuitkit.base.files import replacing
+from circuitkit.draw.style import GREY, INK, PAPER
+from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
+from circuitkit.simulation.screen import RendererError
+from circuitkit.simulation.stage import Stage
+from circuitkit.simulation.story import PushSpan, tell
+from circuitkit.simulation.watch import progress_bar
+
+if TYPE_CHECKING:
+    from PIL import Image, ImageDraw
+
+    from circuitkit.simulation.run import Result
+
+__all__ = ["FRAMES_PER_S", "RendererError", "film", "film_side_by_side"]
+
+FRAMES_PER_S = 25
+SCENE_HEIGHT = 440
+FRAME_SIZE = (PANEL_WIDTH, SCENE_HEIGHT + PANEL_HEIGHT)
+
+_VERDICT_S = 1.5  # for so long at the end the film says that the robot stood
+_RED = "#c8201a"
+_GAP = 4  # between films side by side, [pixels]
+_FADED = 0.45  # how much of a film that is over is white
+_QUALITY = ("-preset", "veryfast", "-crf", "21")
+
+
+def film(result: Result, path: Path, *, progress: bool = False) -> Path:
+    """Write a run as an MP4 in real time.
+
+    Args:
+        result: The run.
+        path: The file, .mp4.
+        progress: Show a bar on a terminal.
+
+    Raises:
+        MissingDependencyError: imageio-ffmpeg is not installed.
+        RendererError: There is no off-screen renderer.
+        OutputError: The file cannot be written.
+    """
+    return film_side_by_side([result], path, progress=progress)
+
+
+def film_side_by_side(results: Sequence[Result], path: Path, *, progress: bool = False) -> Path:
+    """Write several runs next to each other as one MP4 in real time; one that is over early fades and waits.
+
+    Args:
+        results: At least one run, the one on the left first.
+        path: The file, .mp4.
+        progress: Show a bar on a terminal.
+
+    Raises:
+        MissingDependencyError: imageio-ffmpeg is not installed.
+        RendererError: There is no off-screen renderer.
+        OutputError: The file cannot be written.
+    """
+    encode = _encoder()
+    length = max(frame_count(result) for result in results)
+    width = len(results) * FRAME_SIZE[0] + (len(results) - 1) * _GAP
+    with ExitStack() as stack:
+        show = stack.enter_context(progress_bar(length, "film", shown=progress))
+        reels = [stack.enter_context(closing(Reel(result))) for result in results]
+        part = stack.enter_context(replacing(path))
+        write = stack.enter_context(encode(part, (width, FRAME_SIZE[1])))
+        for number, frame in enumerate(_joined(reels, length, width)):
+            write(frame)
+            if show is not None:
+                show(number + 1)
+    return path
+
+
+def frame_count(result: Result) -> int:
+    """How many frames a run has: its duration times the frames per second."""
+    duration_s = result.recording.ticks * result.recording.walk.gait.control_step
+    return max(round(duration_s * FRAMES_PER_S), 1)
+
+
+class Reel:
+    """The frames of one run."""
+
+    def __init__(self, result: Result) -> None:
+        """Set everything up for `frame`.
+
+        Raises:
+            RendererError: There is no off-screen renderer.
+        """
+        recording = result.recording
+        self.length = frame_count(result)
+        self._story = tell(result)
+        self._panel = Panel(result, self._story)
+        self._stage = Stage(recording, PANEL_WIDTH, SCENE_HEIGHT)
+        self._last = recording.ticks - 1
+        if self._story.fall_s is not None:
+            fall = round(self._story.fall_s / self._story.step_s) - 1
+            self._last = self._stage.puppet.last_above_ground(fall)
+
+    def frame(self, number: int) -> Image.Image:
+        """A frame by its number; after the last one, the last one, faded."""
+        from PIL import Image
+
+        time_s = min(number, self.length - 1) / FRAMES_PER_S
+        row = max(round(time_s / self._story.step_s) - 1, 0)
+        row = min(row, len(self._story.time_s) - 1)
+        push = self.push_at(time_s)
+        image = Image.new("RGB", FRAME_SIZE, PAPER)
+        scene = self._stage.picture(min(row, self._last), push)
+        self._write_on(scene, row, push)
+        image.paste(scene, (0, 0))
+        image.paste(self._panel.picture(row), (0, SCENE_HEIGHT))
+        return image if number < self.length else _faded(image)
+
+    def push_at(self, time_s: float) -> PushSpan | None:
+        """The push whose arrow is shown at a time."""
+        return next((push for push in self._story.pushes if push.shown_at(time_s)), None)
+
+    def _write_on(self, scene: Image.Image, row: int, push: PushSpan | None) -> None:
+        from PIL import ImageDraw
+
+        pen = ImageDraw.Draw(scene)
+        story = self._story
+        time = float(story.time_s[row])
+        _write(pen, (14, 12), story.controller, 24, "la", bold=True)
+        _write(pen, (scene.width - 14, 14), f"{time:.2f} s", 20, "ra")
+        stood = story.fall_s is None
+        if time >= (story.time_s[-1] - _VERDICT_S if story.fall_s is None else story.fall_s):
+            _write(pen, (14, 44), story.verdict, 17, "la", bold=True, fill=INK if stood else _RED)
+        if push is not None:
+            x, y = self._stage.beside_arrow(push)
+            at = (min(max(x, 40), scene.width - 40), y - 12)
+            _write(pen, at, f"{push.size_n:.3g} N", 18, "ms", bold=True, fill=_RED)
+
+    def close(self) -> None:
+        """Give the renderer back."""
+        self._stage.close()
+
+
+def _joined(reels: Sequence[Reel], length: int, width: int) -> Iterator[Image.Image]:
+    """Frames of all reels next to each other; the frame of a reel that is over is made once."""
+    from PIL import Image
+
+    over: dict[int, Image.Image] = {}
+    for number in range(length):
+        whole = Image.new("RGB", (width, FRAME_SIZE[1]), GREY)
+        for column, reel in enumerate(reels):
+            if number >= reel.length and column not in over:
+                over[column] = reel.frame(number)
+            frame = over.get(column) or reel.frame(number)
+            whole.paste(frame, (column * (FRAME_SIZE[0] + _GAP), 0))
+        yield whole
+
+
+def _faded(image: Image.Image) -> Image.Image:
+    from PIL import Image
+
+    grey = image.convert("L").convert("RGB")
+    return Image.blend(grey, Image.new("RGB", image.size, PAPER), _FADED)
+
+
+def _write(
+    pen: ImageDraw.ImageDraw, at: tuple[float, float], text: str, size: float, anchor: str,
+    *, bold: bool = False, fill: str = INK,
+) -> None:  # fmt: skip
+    """Text with a white rim, readable on anything."""
+    rim: dict[str, Any] = {"stroke_width": 2, "stroke_fill": PAPER}
+    pen.text(at, text, fill=fill, font=font(size, bold=bold), anchor=anchor, **rim)
+
+
+def _encoder() -> Any:  # noqa: ANN401 - a context manager that gives a function
+    """What writes an MP4; found before anything is drawn.
+
+    Raises:
+        MissingDependencyError: imageio-ffmpeg is not installed.
+    """
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        package, extra, purpose = "imageio-ffmpeg", "video", "writing a video"
+        raise MissingDependencyError(package, extra, purpose) from error
+
+    @contextmanager
+    def encode(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image.Image], None]]:
+        writer = imageio_ffmpeg.write_frames(
+            str(path), size, fps=FRAMES_PER_S, codec="libx264", quality=None, macro_block_size=2,
+            output_params=list(_QUALITY), ffmpeg_log_level="error",
+        )  # fmt: skip
+        writer.send(None)
+        try:
+            yield lambda image: writer.send(np.asarray(image))
+        finally:
+            writer.close()
+
+    return encode
