@@ -8,15 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.script import number_of, scratch
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit
 from circuitkit.study.bench import Amount, AnyCase
 
 _FIRST_STEP = """
 import sys, time
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit
-graph = resolve(load_circuit(sys.argv[1]))
+graph = load_circuit(sys.argv[1])
 compile_circuit(graph, backend="numpy").stepper(1).step()
 begin = time.perf_counter()
 compile_circuit(graph, backend="compiled").stepper(1).step()
@@ -74,7 +74,7 @@ def _lines(n: int) -> Callable[[], Callable[[], float]]:
 
 def _compiled(circuit: str | Path) -> Callable[[], float]:
     def work() -> object:
-        return compile_circuit(resolve(load_circuit(circuit)))
+        return compile_circuit(load_circuit(circuit))
 
     work()  # builds what `auto` may have to build, and imports what is imported late
     return lambda: _seconds_of(work)

@@ -31,7 +31,7 @@ outputs:
 # Prints seconds from the file to the compiled circuit, and growth of the peak over that of a small circuit.
 _SCRIPT = """
 import resource, sys, time
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit
 
 def peak():
@@ -40,10 +40,10 @@ def peak():
         return int(line.split()[1]) * 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
-compile_circuit(resolve(load_circuit("binn_lateral")), backend="compiled").stepper(1).step()
+compile_circuit(load_circuit("binn_lateral"), backend="compiled").stepper(1).step()
 before = peak()
 begin = time.perf_counter()
-program = compile_circuit(resolve(load_circuit(sys.argv[1])), backend=sys.argv[2])
+program = compile_circuit(load_circuit(sys.argv[1]), backend=sys.argv[2])
 seconds = time.perf_counter() - begin
 program.stepper(1).step()
 print(seconds, peak() - before)

@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.bench_sparse import SHIFT, SLOPE, by_hand, checked, sparse_circuit, steps
 from benchmarks.plain import INPUTS, FloatArray, PlainBinn, binn, compiled_binn, loop, steps_of, threads
 from benchmarks.script import scratch
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit, run
 from circuitkit.study.bench import AnyCase, AnyWork, Case, LeftOutError, Timed
 
@@ -217,7 +217,7 @@ def _brian_sparse(size: int) -> Callable[[], tuple[AnyWork, AnyWork]]:
 def _brian_balanced(cores: int) -> Callable[[], tuple[AnyWork, AnyWork]]:
     def prepare() -> tuple[AnyWork, AnyWork]:
         _peer("Brian2", "brian2")
-        graph = resolve(load_circuit("balanced_network"))
+        graph = load_circuit("balanced_network")
         program = compile_circuit(graph, backend="compiled", reproducible=False)
         first = dict(zip((each.name for each in graph.populations), (0, _EXCITATORY), strict=True))
         pairs: dict[str, list[FloatArray]] = {"excitatory": [], "inhibitory": []}

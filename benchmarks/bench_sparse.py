@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse
 
 from benchmarks.plain import loop, threads
-from circuitkit.circuit import parse_circuit, resolve
+from circuitkit.circuit import parse_circuit
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine import Program, compile_circuit
 from circuitkit.study.bench import AnyCase, AnyWork, Case, Loop
@@ -59,7 +59,7 @@ def cases() -> tuple[AnyCase, ...]:
 
 def sparse_circuit(size: int) -> CircuitGraph:
     """A random circuit of so many neurons; one of them sees the input."""
-    return resolve(parse_circuit(_CIRCUIT % (size, SLOPE, SHIFT)))
+    return parse_circuit(_CIRCUIT % (size, SLOPE, SHIFT))
 
 
 def by_hand(graph: CircuitGraph) -> tuple[Callable[[], None], np.ndarray]:

@@ -18,7 +18,6 @@ import numpy.typing as npt
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Timing
 from circuitkit.circuit.load import load_circuit
-from circuitkit.circuit.resolve import resolve
 from circuitkit.engine import Program, compile_circuit
 from circuitkit.study.bench import Loop
 from circuitkit.study.pool import environment
@@ -32,7 +31,7 @@ _SETTLED = 20  # steps, after which nothing changes any more
 
 def binn(timing: Timing = "synchronous") -> CircuitGraph:
     """The shipped BiNN."""
-    return replace(resolve(load_circuit("binn_lateral")), timing=timing)
+    return replace(load_circuit("binn_lateral"), timing=timing)
 
 
 def varied(number: int) -> CircuitGraph:

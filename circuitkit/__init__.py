@@ -18,7 +18,6 @@ if TYPE_CHECKING:
         circuit_schema,
         load_circuit,
         parse_circuit,
-        resolve,
     )
     from circuitkit.draw import draw_activations, draw_circuit, draw_traces
     from circuitkit.engine import Program, State, Stepper, Trace, compile_circuit, run, step
@@ -46,14 +45,13 @@ __all__ = [
     "load_circuit",
     "load_scenario",
     "parse_circuit",
-    "resolve",
     "run",
     "simulate",
     "step",
 ]
 
 _ROOMS = {
-    "circuit": "CircuitGraph CircuitSpec check circuit_schema load_circuit parse_circuit resolve",
+    "circuit": "CircuitGraph CircuitSpec check circuit_schema load_circuit parse_circuit",
     "draw": "draw_activations draw_circuit draw_traces",
     "engine": "Program State Stepper Trace compile_circuit run step",
     "simulate": "Recording Scenario compare load_scenario simulate",

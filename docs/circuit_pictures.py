@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit import compile_circuit, load_circuit, resolve, run
+from circuitkit import compile_circuit, load_circuit, run
 from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
 from circuitkit.biped.gait.lipm import natural_frequency
 from circuitkit.simulation.disturbance import Trial
@@ -36,7 +36,7 @@ MM = 1e3
 
 def program_of(name: str, **changes: object) -> Program:
     """A shipped circuit, compiled."""
-    return compile_circuit(resolve(load_circuit(name), {k: str(v) for k, v in changes.items()}))
+    return compile_circuit(load_circuit(name, {k: str(v) for k, v in changes.items()}))
 
 
 def traced(program: Program, inputs: Mapping[str, Array]) -> tuple[Array, Trace]:
@@ -77,9 +77,7 @@ def binn_sagittal() -> Figure:
     for number, name in enumerate(("q1", "p1", "q2", "p2")):
         curve(left, zmp * MM, held.output[-1, :, program.neuron_index[name]], number, name)
     for edge in ("back_edge", "front_edge"):
-        left.axvline(
-            resolve(load_circuit("binn_sagittal")).parameters[edge].value_si * MM, color=GREY, linewidth=0.7
-        )
+        left.axvline(load_circuit("binn_sagittal").parameters[edge].value_si * MM, color=GREY, linewidth=0.7)
     left.set(xlabel="ZMP, x [mm]", ylabel="output of the neuron")
     left.legend(frameon=False, loc="center")
     time_s = np.arange(150) * program.step_s
@@ -433,7 +431,7 @@ def conditioned_reflex() -> Figure:
 def hand_over() -> Figure:
     """Left: the loop of hysteresis. Right: a push to one side, and who acts."""
     program = program_of("hand_over")
-    values = {name: value.value_si for name, value in resolve(load_circuit("hand_over")).parameters.items()}
+    values = {name: value.value_si for name, value in load_circuit("hand_over").parameters.items()}
     limits = {"left_limit": 0.08, "right_limit": -0.06}
     figure, ((left, right),) = sheet(1, 2, 2.9)
     there = np.linspace(0.0, 0.09, 181)

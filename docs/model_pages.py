@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit import compile_circuit, load_circuit, resolve, run
+from circuitkit import compile_circuit, load_circuit, run
 from circuitkit.base.files import write_text
 from circuitkit.base.units import Unit, format_quantity, parse_unit
 from circuitkit.circuit.expressions.expression import Expression
@@ -200,7 +200,7 @@ def caption(model: NeuronModel | SynapseModel) -> str:
 
 def picture(model: NeuronModel | SynapseModel) -> Figure:
     """What the example of a model does."""
-    graph = resolve(load_circuit(example_of(model)))
+    graph = load_circuit(example_of(model))
     low, high = graph.inputs[0].low, graph.inputs[0].high
     program = compile_circuit(graph)
     if isinstance(model, NeuronModel) and not model.states:

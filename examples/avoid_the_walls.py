@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit import compile_circuit, load_circuit, resolve
+from circuitkit import compile_circuit, load_circuit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def drive(duration_s: float, pose: tuple[float, float, float], *, seed: int = 0)
     Returns:
         Shape (T, 7): x, y, heading, distances left and right [m], wheels left and right [rad/s], each step.
     """
-    program = compile_circuit(resolve(load_circuit("braitenberg_avoider")))
+    program = compile_circuit(load_circuit("braitenberg_avoider"))
     stepper = program.stepper(1, seed=seed)
     x, y, heading = pose
     log = np.empty((round(duration_s / program.step_s), 7))

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from circuitkit import compile_circuit, load_circuit, resolve, run
+from circuitkit import compile_circuit, load_circuit, run
 
 STEPS = 50
 
-program = compile_circuit(resolve(load_circuit("binn_lateral")))
+program = compile_circuit(load_circuit("binn_lateral"))
 
 load, zmp_y = np.meshgrid([-1.0, 0.0, 1.0], np.linspace(-0.12, 0.12, 13), indexing="ij")  # SI
 inputs = program.pack_inputs({"force_difference": load.ravel(), "zmp_y": zmp_y.ravel()})  # (batch, inputs)

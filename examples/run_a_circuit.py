@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from circuitkit import compile_circuit, load_circuit, resolve, run
+from circuitkit import compile_circuit, load_circuit, run
 
-program = compile_circuit(resolve(load_circuit("binn_lateral")))
+program = compile_circuit(load_circuit("binn_lateral"))
 
 time_s = np.arange(100) * program.step_s
 inputs = np.zeros((len(time_s), 1, len(program.input_names)))  # steps, batch, inputs; all SI

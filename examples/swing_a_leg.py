@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from circuitkit import compile_circuit, load_circuit, resolve
+from circuitkit import compile_circuit, load_circuit
 
 GRAVITY, LENGTH_M, DAMPING = 9.81, 0.15, 0.8  # a point mass on a rod; damping [1/s]
 PUSH = 20.0  # acceleration by which the leg follows the oscillator's angle, [1/s^2]
 PART = 10  # steps of the pendulum in a control step
 
-program = compile_circuit(resolve(load_circuit("matsuoka_half_centre")))
+program = compile_circuit(load_circuit("matsuoka_half_centre"))
 
 
 def swing(felt: float, duration_s: float = 30.0) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from circuitkit.base.source import dump_yaml
-from circuitkit.circuit import CircuitGraph, parse_circuit, resolve
+from circuitkit.circuit import CircuitGraph, parse_circuit
 from circuitkit.circuit.expressions.expression import (
     BINARY_OPERATORS,
     FUNCTION_ARITY,
@@ -193,7 +193,7 @@ def circuit_texts() -> st.SearchStrategy[str]:
 
 def circuit_graphs() -> st.SearchStrategy[CircuitGraph]:
     """A resolved circuit."""
-    return circuit_texts().map(lambda text: resolve(parse_circuit(text)))
+    return circuit_texts().map(parse_circuit)
 
 
 def expression_trees(

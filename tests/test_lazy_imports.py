@@ -23,7 +23,7 @@ def test_importing_the_package_imports_nothing_heavy():
 
 
 def test_checking_a_circuit_needs_no_drawing_no_robot_and_no_arrays():
-    loaded = modules_after("import circuitkit; circuitkit.resolve(circuitkit.load_circuit('binn_lateral'))")
+    loaded = modules_after("import circuitkit; circuitkit.load_circuit('binn_lateral')")
     assert not loaded.intersection({"matplotlib", "mujoco", "networkx", "numpy", "scipy", "typer"})
 
 

@@ -1,16 +1,15 @@
 """The circuit language: YAML text to `CircuitSpec` to `CircuitGraph`, and the neuron models.
 
-Read in the order in which the data flows: `load` (files to a spec, by `parts`), `spec` (the file's own
-terms), `resolve` (spec to graph, with every check on the way; section by section in `resolving`), `graph`
-(what everything else reads). Beside these stand `expressions` (values and equations), `models` (what a
-neuron or a synapse does), `memory` (whether something fits into the machine's) and `authoring` (starters,
-normal form, schema, differences, explanations).
+Read in the order in which the data flows: `load` (the one way from a file to a graph), `parts` (the files),
+`spec` (a file's own terms), `resolve` (specs to graph, with every check on the way; section by section in
+`resolving`), `graph` (what everything else reads). Beside these stand `expressions` (values and equations),
+`models` (what a neuron or a synapse does), `memory` (whether something fits into the machine's) and
+`authoring` (starters, normal form, schema, differences, explanations).
 """
 
 from circuitkit.circuit.authoring.schema import circuit_schema
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.circuit.load import check, load_circuit, parse_circuit
-from circuitkit.circuit.resolve import resolve
+from circuitkit.circuit.load import check, load_circuit, parse_circuit, read_circuit
 from circuitkit.circuit.spec import CircuitSpec
 
 __all__ = [
@@ -20,5 +19,5 @@ __all__ = [
     "circuit_schema",
     "load_circuit",
     "parse_circuit",
-    "resolve",
+    "read_circuit",
 ]

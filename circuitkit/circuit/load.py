@@ -1,77 +1,126 @@
-"""Circuit files to `CircuitSpec`, with every error of all files at once."""
+"""Circuit files to `CircuitGraph`, with every error of all files at once."""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document, find_data_file, scan_text, scan_yaml
-from circuitkit.circuit.parts import read_module
-from circuitkit.circuit.resolve import analyse
+from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.circuit.parts import Module, read_module
+from circuitkit.circuit.resolve import analyse, resolve
 from circuitkit.circuit.resolving.items import Findings
-from circuitkit.circuit.spec import CircuitSpec
 
 FOLDER = "circuits"
 
 
-def load_circuit(path_or_name: str | Path) -> CircuitSpec:
-    """Read a circuit file and check it.
+def load_circuit(
+    name_or_path: str | Path, settings: Mapping[str, object] | None = None, *, option: str = ""
+) -> CircuitGraph:
+    """Read a circuit file, check it, and resolve it to a graph.
 
     Args:
-        path_or_name: A path, or the name of a shipped circuit.
+        name_or_path: The name of a shipped circuit, or a path.
+        settings: Values that take the place of the file's, by name: of parameters (`{"w": "0.5 deg"}`, in an
+            instance `lateral.w`), of nodes (`q1.slope`, `ring.tau`, `ankle_roll.integrate.leak`), and of the
+            whole circuit (`control_step`, `substeps`, `timing`, `seed`).
+        option: The option of a command that gave the settings, such as `--set`; stands in messages.
 
     Raises:
-        InputError: With every error of the file and of those it includes.
+        UnknownNameError: The circuit has no value of a name in `settings`.
+        InputError: With every error of the file and of those it includes, or of what the settings make of it.
     """
-    return _sound(_examine(partial(scan_yaml, find_data_file(path_or_name, FOLDER))))
+    return _graph(_sound(partial(scan_yaml, find_data_file(name_or_path, FOLDER))), settings, option)
 
 
-def parse_circuit(text: str, path: str = "<text>") -> CircuitSpec:
-    """Read the text of a circuit file and check it.
+def parse_circuit(
+    text: str, path: str = "<text>", settings: Mapping[str, object] | None = None, *, option: str = ""
+) -> CircuitGraph:
+    """Read the text of a circuit file, check it, and resolve it to a graph.
 
     Args:
         text: The text.
         path: What stands in messages; includes start from its folder.
+        settings: As for `load_circuit`.
+        option: As for `load_circuit`.
 
     Raises:
-        InputError: With every error of the text and of the files it includes.
+        UnknownNameError: The circuit has no value of a name in `settings`.
+        InputError: With every error of the text and of the files it includes, or of what the settings make
+            of it.
     """
-    return _sound(_examine(partial(scan_text, text, path)))
+    return _graph(_sound(partial(scan_text, text, path)), settings, option)
 
 
-def check(path_or_name: str | Path) -> tuple[tuple[Problem, ...], tuple[Problem, ...]]:
-    """All errors and all warnings of a circuit file and of those it includes, in the order of the text.
+def read_circuit(name_or_path: str | Path) -> Module:
+    """Read a circuit file in its own terms, for what writes circuit files; `.spec` has the file as it stands.
 
     Args:
-        path_or_name: A path, or the name of a shipped circuit.
+        name_or_path: The name of a shipped circuit, or a path.
+
+    Raises:
+        InputError: With every error of the file and of those it includes.
+    """
+    return _sound(partial(scan_yaml, find_data_file(name_or_path, FOLDER))).module
+
+
+def check(name_or_path: str | Path) -> tuple[tuple[Problem, ...], tuple[Problem, ...]]:
+    """List all errors and all warnings of a circuit file and of those it includes, in the order of the text.
+
+    Args:
+        name_or_path: The name of a shipped circuit, or a path.
 
     Returns:
         The errors and the warnings.
     """
     try:
-        path = find_data_file(path_or_name, FOLDER)
+        path = find_data_file(name_or_path, FOLDER)
     except InputError as error:
         return error.problems, ()
-    found = _examine(partial(scan_yaml, path))
-    return found.errors, found.warnings
+    _, errors, warnings = _examine(partial(scan_yaml, path))
+    return errors, warnings
+
+
+_Read: TypeAlias = Callable[[], tuple[Document | None, list[Problem]]]
 
 
 @dataclass(frozen=True)
-class _Examined:
-    spec: CircuitSpec | None
-    errors: tuple[Problem, ...]
-    warnings: tuple[Problem, ...]
+class _Sound:
+    """A circuit without errors: its files, and the graph that they give as they stand."""
+
+    module: Module
+    graph: CircuitGraph
 
 
-def _sound(found: _Examined) -> CircuitSpec:
-    if found.spec is None or found.errors:
-        raise InputError(*found.errors)
-    return found.spec
+def _sound(read: _Read) -> _Sound:
+    found, errors, _ = _examine(read)
+    if found is None:
+        raise InputError(*errors)
+    return found
+
+
+def _graph(found: _Sound, settings: Mapping[str, object] | None, option: str) -> CircuitGraph:
+    """Resolve a circuit with other values; what these break is said to come from the option."""
+    if not settings:
+        return found.graph
+    try:
+        return resolve(found.module, settings)
+    except InputError as error:
+        if not option:
+            raise
+        raise InputError(*(_blaming(each, option) for each in error.problems)) from error
+
+
+def _blaming(problem: Problem, option: str) -> Problem:
+    if not (problem.file or problem.where):
+        return replace(problem, where=option)
+    return replace(problem, message=f"{problem.message} (with {option})")
 
 
 @contextmanager
@@ -86,20 +135,18 @@ def _collecting_later() -> Iterator[None]:
             gc.enable()
 
 
-def _examine(read: Callable[[], tuple[Document | None, list[Problem]]]) -> _Examined:
+def _examine(read: _Read) -> tuple[_Sound | None, tuple[Problem, ...], tuple[Problem, ...]]:
+    """Read files; the circuit if it has no errors, then all errors and warnings."""
     with _collecting_later():
-        return _examined(*read())
-
-
-def _examined(document: Document | None, problems: list[Problem]) -> _Examined:
-    if document is None:
-        return _Examined(None, tuple(problems), ())
-    module, spec, form = read_module(document)
-    findings = Findings()
-    graph = analyse(module, findings, is_whole=not (problems or form))
+        document, problems = read()
+        if document is None:
+            return None, tuple(problems), ()
+        module, form = read_module(document)
+        findings = Findings()
+        graph = analyse(module, findings, is_whole=not (problems or form))
     errors = _in_order([*problems, *form, *findings.errors])
-    remembering = spec.from_files(module, graph) if spec and not errors else None
-    return _Examined(remembering, errors, _in_order(findings.warnings))
+    found = None if graph is None or errors else _Sound(module, graph)
+    return found, errors, _in_order(findings.warnings)
 
 
 def _in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:

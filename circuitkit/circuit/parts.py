@@ -80,32 +80,42 @@ class Module:
     instances: tuple[Instance, ...] = ()
     lost_instances: frozenset[str] = frozenset()
 
+    @property
+    def spec(self) -> CircuitSpec:
+        """The circuit file in its own terms.
+
+        Raises:
+            TypeError: The module stands for no whole circuit: its file is unsound, or made to be included.
+        """
+        spec = self.parts[-1].spec
+        if not isinstance(spec, CircuitSpec):
+            message = "these files are no whole circuit"
+            raise TypeError(message)
+        return spec
+
+    @property
+    def parameter_names(self) -> frozenset[str]:
+        """The names of the parameters that the files declare, without those inside of instances."""
+        return frozenset(name for part in self.parts for name in part.spec.parameters)
+
 
 def module_of(spec: CircuitSpec) -> Module:
-    """The files of a whole spec: with line and column if it, or what it is a copy of, came from a file."""
-    if spec.module is None:
-        own_models = spec.model_dump(include={"neuron_models", "synapse_models"})
-        return Module((Part(Document("", own_models, {}), spec),))
-    *included, own = spec.module.parts
-    if own.spec is spec:
-        return spec.module
-    return replace(spec.module, parts=(*included, Part(own.document, spec)))
+    """Make the module of a spec that came from no file, so without line and column."""
+    own_models = spec.model_dump(include={"neuron_models", "synapse_models"})
+    return Module((Part(Document("", own_models, {}), spec),))
 
 
-def read_module(document: Document) -> tuple[Module, CircuitSpec | None, list[Problem]]:
+def read_module(document: Document) -> tuple[Module, list[Problem]]:
     """Read a circuit file and all that it includes, also through others.
 
     Args:
         document: The circuit file.
 
     Returns:
-        What the files declare, the circuit file's own terms if they are sound, and everything wrong with the
-        form of the files.
+        What the files declare, and everything wrong with the form of the files.
     """
     reader = _Reader()
-    module = reader.module(document, CircuitSpec, (), "")
-    spec = module.parts[-1].spec
-    return module, spec if isinstance(spec, CircuitSpec) else None, reader.problems
+    return reader.module(document, CircuitSpec, (), ""), reader.problems
 
 
 @dataclass

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.base.units import parse_unit
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Projection
-from circuitkit.circuit.parts import Module, module_of
+from circuitkit.circuit.parts import Module
 from circuitkit.circuit.resolving.checks import doubts
 from circuitkit.circuit.resolving.declared_models import DeclaredModels
 from circuitkit.circuit.resolving.ends import Nodes
@@ -20,28 +20,22 @@ from circuitkit.circuit.resolving.populations import populations
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.resolving.signals import Signals, unknown_inputs
 from circuitkit.circuit.resolving.synapses import Synapses
-from circuitkit.circuit.spec import CircuitSpec
 
 
-def resolve(spec: CircuitSpec, overrides: Mapping[str, float | str] | None = None) -> CircuitGraph:
-    """Apply includes, parameters and overrides, and check every reference, unit and sign.
+def resolve(module: Module, settings: Mapping[str, object] | None = None) -> CircuitGraph:
+    """Apply includes, parameters and settings, and check every reference, unit and sign.
 
     Args:
-        spec: The circuit as its file says it, or a changed copy; what it includes has been read already.
-        overrides: Values that take the place of the file's, by name: of parameters (`{"w": "0.5 deg"}`, in an
-            instance `lateral.w`), of nodes (`q1.slope`, `ring.tau`, `ankle_roll.integrate.leak`), and of the
-            whole circuit (`control_step`, `substeps`, `timing`, `seed`).
+        module: What the files of a circuit declare.
+        settings: Values that take the place of the files'; see `load_circuit`.
 
     Raises:
         UnknownNameError: The circuit has no value of this name.
         InputError: Something does not fit together; carries every error, not only the first.
     """
-    given = {**spec.overrides, **(overrides or {})}
-    if not overrides and (graph := spec.graph) is not None:
-        return graph
-    findings = Findings(given)
-    graph = analyse(module_of(spec), findings)
-    for name in given:
+    findings = Findings(settings or {})
+    graph = analyse(module, findings)
+    for name in findings.overrides:
         if name not in findings.addresses:
             kind = "name"
             raise UnknownNameError(kind, name, sorted(findings.addresses, key=HEADER_KEYS.__contains__))

@@ -1,14 +1,14 @@
 """The circuit file in its own terms: what may stand in it, as pydantic models.
 
-References, units and signs are checked afterwards, by `resolve`; here a value is still a number, a quantity
-such as `-80 mm`, or an expression such as `2 * (edge - margin)`.
+References, units and signs are checked afterwards, on the way to the graph; here a value is still a
+number, a quantity such as `-80 mm`, or an expression such as `2 * (edge - margin)`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -16,7 +16,6 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
-    PrivateAttr,
     WithJsonSchema,
     model_validator,
 )
@@ -26,10 +25,6 @@ from circuitkit.base.source import FileModel, describe
 from circuitkit.base.units import parse_unit
 from circuitkit.circuit.expressions.values import not_a_value
 from circuitkit.circuit.graph import Role, Timing
-
-if TYPE_CHECKING:
-    from circuitkit.circuit.graph import CircuitGraph
-    from circuitkit.circuit.parts import Module
 
 PLAIN_NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
 # Dots are for flat files, in which the neurons of instances keep their names, such as `lateral.q1`.
@@ -313,45 +308,3 @@ class CircuitSpec(FileSpec):
     circuit: Name = Field(description="Name of the circuit.")
     control_step: Value = Field(description="Time between two updates, such as 10 ms.")
     timing: Timing = Field(description=FileSpec.model_fields["timing"].description)
-    _module: Module | None = PrivateAttr(None)
-    _graph: CircuitGraph | None = PrivateAttr(None)
-    _graph_of: CircuitSpec | None = PrivateAttr(None)
-    _overrides: Mapping[str, float | str] = PrivateAttr({})
-
-    @property
-    def module(self) -> Module | None:
-        """This file and those it includes, with line and column; None if it came from no file."""
-        return self._module
-
-    @property
-    def graph(self) -> CircuitGraph | None:
-        """The circuit as it was resolved when the file was checked; None for a changed copy."""
-        return self._graph if self._graph_of is self else None
-
-    @property
-    def overrides(self) -> Mapping[str, float | str]:
-        """The values that take the place of the file's, by name."""
-        return self._overrides
-
-    def from_files(self, module: Module, graph: CircuitGraph | None) -> CircuitSpec:
-        """The same spec, remembering the files it came from and what they resolve to."""
-        remembering = self.model_copy()
-        remembering._module, remembering._graph, remembering._graph_of = module, graph, remembering
-        return remembering
-
-    def with_(self, values: Mapping[str, float | str]) -> CircuitSpec:
-        """A new spec with other values, such as `spec.with_({"w": "2 deg", "q1.slope": "50 /m"})`.
-
-        Args:
-            values: By name, as `resolve` takes them.
-
-        Raises:
-            UnknownNameError: The circuit has no value of this name.
-            InputError: A value does not fit.
-        """
-        from circuitkit.circuit.resolve import resolve
-
-        changed = self.model_copy()
-        changed._overrides = {**self._overrides, **values}
-        changed._graph, changed._graph_of = resolve(self, changed._overrides), changed
-        return changed

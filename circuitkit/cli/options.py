@@ -97,6 +97,5 @@ def read_graph(file: str, settings: list[str] | None) -> CircuitGraph:
         InputError: The file is wrong, or what `--set` makes of it; the message then names the option.
     """
     from circuitkit.circuit import load_circuit
-    from circuitkit.circuit.authoring.settings import resolve_with
 
-    return resolve_with(load_circuit(file), named_values(settings, *SETTINGS))
+    return load_circuit(file, named_values(settings, *SETTINGS), option="--set")

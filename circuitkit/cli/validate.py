@@ -69,10 +69,9 @@ def _check(file: str, values: dict[str, str]) -> tuple[tuple[Problem, ...], tupl
     if values and not errors:
         from circuitkit.base.errors import InputError
         from circuitkit.circuit import load_circuit
-        from circuitkit.circuit.authoring.settings import resolve_with
 
         try:
-            resolve_with(load_circuit(file), values)
+            load_circuit(file, values, option="--set")
         except InputError as error:
             return error.problems, warnings
     return errors, warnings

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, get_args
+from typing import get_args
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.circuit.graph import CircuitGraph
@@ -13,15 +12,9 @@ from circuitkit.engine.backends import AUTO, COMPILED, choose_backend, load_back
 from circuitkit.engine.lowering import lower, side_by_side
 from circuitkit.engine.program import Precision, Program
 
-if TYPE_CHECKING:
-    from circuitkit.circuit.spec import CircuitSpec
-
-
-Circuit: TypeAlias = "CircuitGraph | CircuitSpec | str | Path"
-
 
 def compile_circuit(
-    circuit: Circuit | Sequence[Circuit],
+    circuit: CircuitGraph | Sequence[CircuitGraph],
     backend: str = AUTO,
     precision: Precision = "float64",
     *,
@@ -30,8 +23,8 @@ def compile_circuit(
     """Compile a circuit, or a sweep.
 
     Args:
-        circuit: A resolved graph, a specification, a path, or the name of a shipped circuit. A list of
-            circuits that differ in numbers alone makes a sweep: member b of its batch is circuit b.
+        circuit: A graph, as `load_circuit` gives it. A list of graphs that differ in numbers alone makes a
+            sweep: member b of its batch is circuit b.
         backend: Name of the execution backend; "auto" takes the compiled one if it works here.
             Where that does not work, numpy does the same; if "compiled" was asked for, with a warning.
         precision: In which all is computed.
@@ -39,7 +32,7 @@ def compile_circuit(
             compiled backend gives these always; numpy then is several times slower on small circuits.
 
     Raises:
-        InputError: The circuit cannot be loaded or resolved, or the circuits of a sweep do not fit together.
+        InputError: There is no graph, or the circuits of a sweep do not fit together.
         UnknownNameError: There is no such backend or precision.
     """
     if backend != AUTO:
@@ -47,8 +40,8 @@ def compile_circuit(
     if precision not in get_args(Precision):
         kind = "precision"
         raise UnknownNameError(kind, precision, get_args(Precision))
-    is_sweep = isinstance(circuit, Sequence) and not isinstance(circuit, str)
-    graphs = [_as_graph(each) for each in circuit] if is_sweep else [_as_graph(circuit)]  # type: ignore[arg-type, union-attr]
+    graphs = circuit if isinstance(circuit, Sequence) else (circuit,)
+    is_sweep = graphs is circuit
     graph = _require_alike(graphs)
     lowered = side_by_side([lower(each) for each in graphs]) if is_sweep else lower(graph)
     program = Program(
@@ -74,6 +67,10 @@ def _require_alike(graphs: Sequence[CircuitGraph]) -> CircuitGraph:
     """The first of the circuits, whose names and times all others must have."""
     if not graphs:
         raise InputError(Problem("", 0, 0, "sweep", "found no circuit; allowed: at least one"))
+    for graph in graphs:
+        if not isinstance(graph, CircuitGraph):
+            message = f"found {type(graph).__name__}; allowed: a CircuitGraph, such as load_circuit gives"
+            raise InputError(Problem("", 0, 0, "circuit", message))
     first = graphs[0]
     for number, graph in enumerate(graphs):
         for what, found, wanted in (
@@ -85,17 +82,3 @@ def _require_alike(graphs: Sequence[CircuitGraph]) -> CircuitGraph:
                 message = f"found another {what} in circuit {number} than in circuit 0; allowed: the same"
                 raise InputError(Problem("", 0, 0, "sweep", message))
     return first
-
-
-def _as_graph(circuit: CircuitGraph | CircuitSpec | str | Path) -> CircuitGraph:
-    if isinstance(circuit, CircuitGraph):
-        return circuit
-    from circuitkit.circuit.load import load_circuit
-    from circuitkit.circuit.resolve import resolve
-    from circuitkit.circuit.spec import CircuitSpec
-
-    spec = load_circuit(circuit) if isinstance(circuit, str | Path) else circuit
-    if not isinstance(spec, CircuitSpec):
-        allowed = "a resolved graph, a specification, a path, or the name of a shipped circuit"
-        raise InputError(Problem("", 0, 0, "circuit", f"found {type(spec).__name__}; allowed: {allowed}"))
-    return resolve(spec)

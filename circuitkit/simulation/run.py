@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from circuitkit.base.errors import InputError, MissingDependencyError, Problem, UnknownNameError
-from circuitkit.circuit import CircuitGraph, load_circuit, resolve
-from circuitkit.circuit.authoring.settings import resolve_with
+from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.circuit.silencing import silence
 from circuitkit.control import (
     Body,
@@ -201,7 +200,7 @@ def make_plan(
     Args:
         scenario: The scenario.
         circuit: A circuit to use instead of the scenario's.
-        settings: Values of the circuit that take the place of its file's; see `resolve`.
+        settings: Values of the circuit that take the place of its file's; see `load_circuit`.
         backend: What runs the circuit; see `compile_circuit`.
 
     Raises:
@@ -258,8 +257,8 @@ def load_graphs(
         InputError: A file is wrong or missing.
     """
     with scenario.located("circuit"):
-        file = load_circuit(scenario.file(scenario.circuit) if circuit is None else circuit)
-        graph = resolve_with(file, settings or {})
+        name = scenario.file(scenario.circuit) if circuit is None else circuit
+        graph = load_circuit(name, settings, option="--set")
         yardstick = None if circuit is None or _has_thresholds(graph, scenario) else _own_circuit(scenario)
         threshold_lines(yardstick or graph, scenario.thresholds)
     with scenario.located("silenced"):
@@ -276,7 +275,7 @@ def _lesioned(
 
 
 def _own_circuit(scenario: Scenario) -> CircuitGraph:
-    return resolve(load_circuit(scenario.file(scenario.circuit)))
+    return load_circuit(scenario.file(scenario.circuit))
 
 
 def _has_thresholds(graph: CircuitGraph, scenario: Scenario) -> bool:

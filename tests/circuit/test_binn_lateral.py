@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 
-GRAPH = resolve(load_circuit("binn_lateral"))
+GRAPH = load_circuit("binn_lateral")
 NEURONS = {neuron.name: neuron for neuron in GRAPH.neurons}
 WEIGHTS = {(synapse.source, synapse.target): synapse.weight for synapse in GRAPH.synapses}
 
@@ -144,8 +144,7 @@ def test_inputs_timing_and_step():
 
 @pytest.mark.parametrize(("foot", "outer", "inner"), [("left", "q4", "q3"), ("right", "q1", "q2")])
 def test_a_margin_moves_every_edge_inwards(foot, outer, inner):
-    spec = load_circuit("binn_lateral")
-    moved = {neuron.name: neuron for neuron in resolve(spec, {"margin": "10 mm"}).neurons}
+    moved = {neuron.name: neuron for neuron in load_circuit("binn_lateral", {"margin": "10 mm"}).neurons}
     sign = {"q1": -1, "q2": 1, "q3": -1, "q4": 1}
     edges = {name: sign[name] * moved[name].parameters["shift"] for name in (outer, inner)}
     side = 1 if foot == "left" else -1
@@ -159,13 +158,13 @@ def test_each_edge_is_one_parameter(edge):
     neuron = {"left_edge_left_foot": "q4", "right_edge_left_foot": "q3", "left_edge_right_foot": "q2"}.get(
         edge, "q1"
     )
-    graph = resolve(load_circuit("binn_lateral"), {edge: "60 mm"})
+    graph = load_circuit("binn_lateral", {edge: "60 mm"})
     sign = -1 if neuron in {"q1", "q3"} else 1
     assert {each.name: each for each in graph.neurons}[neuron].parameters["shift"] == sign * 0.06
 
 
 def test_the_other_reading_of_the_correction_is_one_parameter():
-    graph = resolve(load_circuit("binn_lateral"), {"w": "-0.5 deg"})
+    graph = load_circuit("binn_lateral", {"w": "-0.5 deg"})
     assert dict(graph.outputs[0].readout) == pytest.approx(
         {"p1": -math.radians(0.5), "p2": math.radians(0.5)}
     )
@@ -191,6 +190,6 @@ def test_reading_checking_and_resolving_is_fast():
     times = []
     for _ in range(5):
         start = time.perf_counter()
-        resolve(load_circuit("binn_lateral"))
+        load_circuit("binn_lateral")
         times.append(time.perf_counter() - start)
     assert min(times) < 0.02

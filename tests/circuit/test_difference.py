@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from circuitkit.base.source import data_folder
 from circuitkit.base.units import DIMENSIONLESS
-from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.circuit.authoring.difference import Change, compare_circuits
 from circuitkit.circuit.graph import Population, Projection
 from circuitkit.circuit.models import neuron_model
@@ -23,13 +23,13 @@ TEXT = (data_folder("circuits") / "binn_lateral.yaml").read_text(encoding="utf-8
 
 @pytest.fixture(scope="module")
 def binn():
-    return resolve(load_circuit("binn_lateral"))
+    return load_circuit("binn_lateral")
 
 
 def changed(binn, old, new):
     """The changes that another spelling of the BiNN's text makes."""
     assert old in TEXT
-    return compare_circuits(binn, resolve(parse_circuit(TEXT.replace(old, new))))
+    return compare_circuits(binn, parse_circuit(TEXT.replace(old, new)))
 
 
 @given(strategies.circuit_graphs())
@@ -62,7 +62,7 @@ def test_the_timing_and_the_control_step(binn):
     text = TEXT.replace("timing: ordered", "timing: synchronous").replace(
         "control_step: 10 ms", "control_step: 5 ms"
     )
-    assert compare_circuits(binn, resolve(parse_circuit(text))) == (
+    assert compare_circuits(binn, parse_circuit(text)) == (
         Change("circuit", "", "changed", "timing", "ordered", "synchronous"),
         Change("circuit", "", "changed", "control step", "10 ms", "5 ms"),
     )
@@ -94,7 +94,7 @@ def test_a_neuron_of_another_name(binn):
 @given(st.permutations(["lf", "bf", "q1", "q2", "h1", "p2", "zmp_y", "ankle_roll"]), st.integers(1, 8))
 @settings(max_examples=25, deadline=None)
 def test_any_nodes_of_other_names(names, count):
-    binn = resolve(load_circuit("binn_lateral"))
+    binn = load_circuit("binn_lateral")
     changes = changed_names(binn, {name: f"new_{name}" for name in names[:count]})
     assert {(change.what, change.old, change.new) for change in changes} == {
         ("renamed", name, f"new_{name}") for name in names[:count]
@@ -103,9 +103,9 @@ def test_any_nodes_of_other_names(names, count):
 
 def changed_names(binn, names):
     text = re.sub(r"\b\w+\b", lambda match: names.get(match[0], match[0]), _without_texts(TEXT))
-    before = resolve(parse_circuit(_without_texts(TEXT)))
+    before = parse_circuit(_without_texts(TEXT))
     assert before.neurons[0].name == binn.neurons[0].name
-    return compare_circuits(before, resolve(parse_circuit(text)))
+    return compare_circuits(before, parse_circuit(text))
 
 
 def _without_texts(text):
@@ -117,7 +117,7 @@ def test_a_renamed_neuron_that_changed_too_has_gone_and_another_has_come(binn):
         "edge: {model: sigmoid, role: inhibitory, slope: 500",
         "edge: {model: sigmoid, role: inhibitory, slope: 400",
     )
-    changes = compare_circuits(binn, resolve(parse_circuit(text)))
+    changes = compare_circuits(binn, parse_circuit(text))
     assert {(change.what, change.name) for change in changes if change.kind == "neuron"} == {
         ("removed", "h1"),
         ("added", "edge"),

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from circuitkit.base.errors import InputError, UnknownNameError
-from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
+from circuitkit.circuit import check, load, load_circuit, parse_circuit
+from circuitkit.circuit.resolve import analyse
 
 BASE = """\
 circuit: keys
@@ -56,7 +57,7 @@ def findings(old: str, new: str) -> tuple[list[str], list[str]]:
 
 
 def test_everything_is_resolved_to_si_values():
-    graph = resolve(parse_circuit(BASE))
+    graph = parse_circuit(BASE)
     neurons = {neuron.name: neuron for neuron in graph.neurons}
     assert graph.substeps == 10
     assert (neurons["a"].noise, neurons["a"].initial) == (0.1, {"v": 0.2})
@@ -158,14 +159,10 @@ def test_a_mistake_in_an_own_model_is_named_with_its_place():
     ],
 )
 def test_every_value_can_be_given_from_outside(overrides, seen):
-    spec = parse_circuit(BASE)
-    graph = resolve(spec, overrides)
-    assert seen(graph)
-    assert not seen(resolve(spec))
-    changed = spec.with_(overrides)
-    assert resolve(changed) == graph
-    assert resolve(changed.with_({"b.slope": 11})) == resolve(spec, {**overrides, "b.slope": 11})
-    assert resolve(spec) == resolve(parse_circuit(BASE))
+    assert seen(parse_circuit(BASE, settings=overrides))
+    assert not seen(parse_circuit(BASE))
+    Path("f.yaml").write_text(BASE, encoding="utf-8")
+    assert load_circuit("f.yaml", overrides) == parse_circuit(BASE, "f.yaml", overrides)
 
 
 @pytest.mark.parametrize(
@@ -179,12 +176,10 @@ def test_every_value_can_be_given_from_outside(overrides, seen):
     ],
 )
 def test_a_name_that_stands_for_nothing_is_refused(name, hint):
-    spec = parse_circuit(BASE)
-    for attempt in (lambda: resolve(spec, {name: 1}), lambda: spec.with_({name: 1})):
-        with pytest.raises(UnknownNameError) as caught:
-            attempt()
-        assert str(caught.value).startswith(f"unknown name '{name}'; allowed: tau, ")
-        assert str(caught.value).endswith(f"; did you mean '{hint}'?")
+    with pytest.raises(UnknownNameError) as caught:
+        parse_circuit(BASE, settings={name: 1})
+    assert str(caught.value).startswith(f"unknown name '{name}'; allowed: tau, ")
+    assert str(caught.value).endswith(f"; did you mean '{hint}'?")
 
 
 @pytest.mark.parametrize(
@@ -200,16 +195,24 @@ def test_a_name_that_stands_for_nothing_is_refused(name, hint):
 )  # fmt: skip
 def test_a_value_from_outside_must_fit(overrides, message):
     with pytest.raises(InputError) as caught:
-        resolve(parse_circuit(BASE), overrides)
+        parse_circuit(BASE, settings=overrides)
     assert message in str(caught.value)
 
 
-def test_a_changed_copy_is_resolved_anew():
-    Path("f.yaml").write_text(BASE, encoding="utf-8")
-    spec = load_circuit("f.yaml")
-    changed = spec.model_copy(update={"substeps": 3})
-    assert resolve(changed).substeps == 3
-    assert resolve(spec).substeps == 10
+def test_settings_of_a_command_are_named_in_messages():
+    with pytest.raises(InputError, match=r"^--set: unknown name 'tua'; allowed: tau, "):
+        parse_circuit(BASE, settings={"tua": 1}, option="--set")
+    with pytest.raises(InputError, match=r": found 0; allowed: a whole number from 1 on \(with --set\)$"):
+        parse_circuit(BASE, settings={"substeps": 0}, option="--set")
+    with pytest.raises(InputError, match=r"^f\.yaml:4:11: substeps: found 0; [^(]*$"):
+        parse_circuit(BASE.replace("substeps: 10", "substeps: 0"), "f.yaml", {"tau": "1 s"}, option="--set")
+
+
+def test_a_circuit_is_resolved_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(load, "analyse", lambda *args, **named: calls.append(1) or analyse(*args, **named))
+    parse_circuit(BASE)
+    assert len(calls) == 1
 
 
 def test_the_model_must_take_the_source_s_unit():

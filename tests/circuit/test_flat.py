@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from circuitkit.base.source import shipped_names
 from circuitkit.base.units import parse_quantity, parse_unit
-from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.circuit.authoring.flat import exact, flat_yaml
 
 SMALLER = {"balanced_network": {"excitatory.size": 800, "inhibitory.size": 200}}
@@ -19,13 +19,13 @@ finite = st.floats(min_value=-1e100, max_value=1e100)
 
 @pytest.mark.parametrize("name", shipped_names("circuits"))
 def test_resolving_the_flat_text_gives_an_equal_circuit(name, tmp_path):
-    graph = resolve(load_circuit(name), SMALLER.get(name))
-    again = resolve(parse_circuit(flat_yaml(graph, tmp_path), str(tmp_path / "flat.yaml")))
+    graph = load_circuit(name, SMALLER.get(name))
+    again = parse_circuit(flat_yaml(graph, tmp_path), str(tmp_path / "flat.yaml"))
     assert again == replace(graph, parameters={})
 
 
 def test_the_flat_text_has_one_line_for_each_neuron_and_synapse():
-    lines = flat_yaml(resolve(load_circuit("binn_lateral"))).splitlines()
+    lines = flat_yaml(load_circuit("binn_lateral")).splitlines()
     assert (
         "  h1: {model: sigmoid, role: inhibitory, slope: 500, shift: 0.1, description: silences p2}" in lines
     )
@@ -64,5 +64,5 @@ outputs: {y: {unit: "1", readout: {q: 1}}}
 """
     assert (
         "  q: {model: sigmoid, role: excitatory, slope: 2 /deg, shift: 3 deg}"
-        in flat_yaml(resolve(parse_circuit(text))).splitlines()
+        in flat_yaml(parse_circuit(text)).splitlines()
     )

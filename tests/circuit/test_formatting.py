@@ -17,7 +17,7 @@ from circuitkit.base.errors import InputError
 from circuitkit.base.source import data_folder, dump_yaml, parse_yaml, shipped_names
 from circuitkit.base.source.commented import read_commented
 from circuitkit.base.source.rewriting import write_commented
-from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.authoring.formatting import FormatError, format_file, format_text, normal_quantity
 
@@ -135,7 +135,7 @@ def test_what_a_file_means_and_its_comments_stay_whatever_its_order(data, random
 
 def _meaning(text):
     """The circuit of a text; parameters without the spelling of their units."""
-    graph = resolve(parse_circuit(text))
+    graph = parse_circuit(text)
     return replace(graph, parameters={name: each.value_si for name, each in graph.parameters.items()})
 
 
@@ -311,5 +311,5 @@ def test_the_comments_of_the_binn_survive():
     untidy = re.sub(r"(?<=\d) mm(?=[}\]])", "mm", text).replace("  - {", "- {").replace("\n\n", "\n\n\n")
     after = format_text(untidy, str(path))
     assert read_commented(after).comments == read_commented(text).comments
-    changes = compare_circuits(resolve(load_circuit(path)), resolve(parse_circuit(after, str(path))))
+    changes = compare_circuits(load_circuit(path), parse_circuit(after, str(path)))
     assert {change.field for change in changes} <= {"description"}

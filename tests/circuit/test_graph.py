@@ -8,7 +8,7 @@ import networkx as nx
 import strategies
 from hypothesis import given, settings
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 
 few = settings(max_examples=25, deadline=None)
 
@@ -36,7 +36,7 @@ def test_the_networkx_view_has_every_node_and_edge_with_its_attributes(graph):
 
 
 def test_networkx_finds_the_circle_of_the_binn():
-    view = resolve(load_circuit("binn_lateral")).to_networkx()
+    view = load_circuit("binn_lateral").to_networkx()
     circles = [part for part in nx.strongly_connected_components(view) if len(part) > 1]
     assert circles == [{"h1", "h2", "p1", "p2"}]
 

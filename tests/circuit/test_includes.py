@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 
 MAIN = """\
 circuit: main
@@ -53,7 +53,7 @@ def test_sections_are_merged_included_ones_first():
     write("main.yaml", MAIN.format(include="parts/layer.yaml"))
     write("parts/layer.yaml", LAYER)
     assert check("main.yaml") == ((), ())
-    graph = resolve(load_circuit("main.yaml"))
+    graph = load_circuit("main.yaml")
     assert graph.names() == ("u", "q", "p", "out")
     assert [(synapse.source, synapse.target) for synapse in graph.synapses] == [("u", "q"), ("q", "p")]
     assert graph.neurons[1].parameters["slope"] == 10

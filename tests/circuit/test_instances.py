@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from circuitkit.base.errors import UnknownNameError
-from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
+from circuitkit.circuit import check, load_circuit, parse_circuit
 from circuitkit.circuit.authoring.flat import flat_yaml
 from circuitkit.engine import compile_circuit, run
 
@@ -68,7 +68,7 @@ def with_entry(*entries: str) -> str:
 
 def graph_of(text: str, overrides=None):
     write("outer.yaml", text)
-    return resolve(load_circuit("outer.yaml"), overrides)
+    return load_circuit("outer.yaml", overrides)
 
 
 def errors(text: str) -> list[str]:
@@ -86,7 +86,6 @@ def test_everything_inside_has_the_name_of_the_instance_before_it():
     assert list(graph.parameters) == ["a.w", "a.edge"]
     assert weights(graph)["a.lf", "a.q"] == -1
     assert str(graph.neurons[1].origin) == "inner.yaml:9:3"
-    assert resolve(graph_spec := load_circuit("outer.yaml")) is graph_spec.graph
 
 
 def test_parameters_are_set_for_each_instance_in_terms_of_the_outer_file():
@@ -129,7 +128,7 @@ def test_a_sum_for_an_input_is_the_sum_of_the_signals():
     """Whatever the outer signals are, the inner circuit does what it does alone on their weighted sum."""
     write("alone.yaml", "circuit: alone\ncontrol_step: 10 ms\ntiming: ordered\n" + INNER)
     joined = compile_circuit(graph_of(with_entry("as: a, inputs: {zmp: {x: 0.3, y: -0.7}, load: n}")))
-    alone = compile_circuit("alone.yaml")
+    alone = compile_circuit(load_circuit("alone.yaml"))
     x, y, load = np.random.default_rng(1).uniform(-0.5, 0.5, (3, 20))
     assert joined.input_names == ("x", "y", "n")
     assert alone.input_names == ("zmp", "load")
@@ -195,7 +194,7 @@ def test_the_flat_file_of_instances_resolves_to_the_same_circuit():
     text = flat_yaml(graph)
     assert "  a.q: {model: sigmoid, role: excitatory, slope: 100 /m, shift: 80 mm}" in text.splitlines()
     assert "- {from: p, to: a.q, weight: 0.002 m, kind: sensorial}" in text.splitlines()
-    assert resolve(parse_circuit(text)) == replace(graph, parameters={})
+    assert parse_circuit(text) == replace(graph, parameters={})
 
 
 @pytest.mark.parametrize(
@@ -318,11 +317,10 @@ def test_a_model_with_states_needs_one_source():
 
 def test_overriding_values_of_instances():
     write("outer.yaml", OUTER)
-    spec = load_circuit("outer.yaml")
-    graph = resolve(spec, {"a.q.slope": "50 /m", "a.edge": "7 cm", "p.slope": 3})
+    graph = load_circuit("outer.yaml", {"a.q.slope": "50 /m", "a.edge": "7 cm", "p.slope": 3})
     assert [neuron.parameters for neuron in graph.neurons] == [
         {"slope": 500, "shift": 0.1}, {"slope": 50, "shift": 0.07}, {"slope": 3, "shift": 0.5}
     ]  # fmt: skip
     with pytest.raises(UnknownNameError) as caught:
-        resolve(spec, {"a.q.slpe": 1})
+        load_circuit("outer.yaml", {"a.q.slpe": 1})
     assert str(caught.value).endswith("did you mean 'a.q.slope'?")

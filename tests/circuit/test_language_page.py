@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from circuitkit.base.units import UNIT_SYMBOLS
-from circuitkit.circuit import check, circuit_schema
+from circuitkit.circuit import check, circuit_schema, load_circuit
 from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.engine import compile_circuit, run
@@ -33,14 +33,14 @@ def _examples_as_files(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_examples_are_valid_and_run(name):
     assert check(name) == ((), ())
-    program = compile_circuit(name)
+    program = compile_circuit(load_circuit(name))
     trace = run(program, np.full((50, 1, len(program.input_names)), 0.1))
     assert np.isfinite(trace.readout).all()
 
 
 def test_the_instances_of_the_example_mirror_each_other():
     """1 cm beyond the left edge, and 1 cm beyond the right one: the same output, each on its side."""
-    program = compile_circuit("two_edges.yaml")
+    program = compile_circuit(load_circuit("two_edges.yaml"))
     trace = run(program, np.array([[[0.09, 0.0]], [[-0.08, 0.0]]]))
     left, right = (trace.neuron_names.index(f"{side}.edge_passed") for side in ("left", "right"))
     assert trace.output[0, 0, left] == pytest.approx(trace.output[1, 0, right], rel=1e-12)

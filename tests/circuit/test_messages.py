@@ -9,7 +9,7 @@ import math
 import pytest
 
 from circuitkit.base.errors import InputError, UnknownNameError
-from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
+from circuitkit.circuit import check, load_circuit, parse_circuit
 from circuitkit.circuit.models import NEURON_MODEL_NAMES
 
 BASE = """\
@@ -347,16 +347,15 @@ def test_loading_raises_every_error(tmp_path):
 
 
 def test_parameters_can_be_given_another_value():
-    spec = parse_circuit(BASE)
-    assert resolve(spec, {"w": "-180 deg"}).outputs[0].readout == (("q", -math.pi),)
-    assert resolve(spec, {"edge": "70 mm"}).neurons[1].parameters["shift"] == 0.07
-    assert resolve(spec).neurons[1].parameters["shift"] == 0.08
+    assert parse_circuit(BASE, settings={"w": "-180 deg"}).outputs[0].readout == (("q", -math.pi),)
+    assert parse_circuit(BASE, settings={"edge": "70 mm"}).neurons[1].parameters["shift"] == 0.07
+    assert parse_circuit(BASE).neurons[1].parameters["shift"] == 0.08
     with pytest.raises(UnknownNameError) as unknown:
-        resolve(spec, {"edg": "70 mm"})
+        parse_circuit(BASE, settings={"edg": "70 mm"})
     assert str(unknown.value).startswith("unknown name 'edg'; allowed: edge, w, zmp.range.0, zmp.range.1, ")
     assert str(unknown.value).endswith("; did you mean 'edge'?")
     with pytest.raises(InputError) as caught:
-        resolve(spec, {"edge": "70"})
+        parse_circuit(BASE, settings={"edge": "70"})
     assert str(caught.value) == (
         "<text>:5:9: parameters.edge: found 70 (dimensionless); allowed: length, such as '1 mm', "
         "since the file has 80 mm; did you mean '70 mm'?"

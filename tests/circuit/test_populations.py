@@ -18,7 +18,7 @@ from pyarrow import parquet
 from scipy import sparse, stats
 
 from circuitkit.base.errors import InputError, MissingDependencyError, UnknownNameError
-from circuitkit.circuit import check, load_circuit, memory, parse_circuit, resolve
+from circuitkit.circuit import check, load_circuit, memory, parse_circuit
 
 BASE = """\
 circuit: many
@@ -58,7 +58,7 @@ def errors(old: str, new: str) -> list[str]:
 
 def ring(new: str):
     """The population, with another declaration."""
-    return resolve(parse_circuit(BASE.replace(RING, new))).populations[0]
+    return parse_circuit(BASE.replace(RING, new)).populations[0]
 
 
 def shifts(value: str) -> np.ndarray:
@@ -67,7 +67,7 @@ def shifts(value: str) -> np.ndarray:
 
 def projection(new: str, old: str = TO_OFF):
     """The projection in place of one, with another declaration."""
-    graph = resolve(parse_circuit(BASE.replace(old, new)))
+    graph = parse_circuit(BASE.replace(old, new))
     return graph.projections[1 if old == TO_OFF else 2]
 
 
@@ -96,31 +96,31 @@ def test_distributions_have_their_law_and_their_seed():
     normal = ring(many.replace("5 mm", "{normal: [1 mm, 20 %* 1 mm]}")).parameters["shift"]
     assert stats.kstest(normal, stats.norm(0.001, 0.0002).cdf).pvalue > 1e-3
     text = BASE.replace("5 mm", "{uniform: [1 mm, 3 mm]}")
-    first, again = (resolve(parse_circuit(text)) for _ in range(2))
+    first, again = (parse_circuit(text) for _ in range(2))
     assert first == again
-    assert resolve(parse_circuit(text), {"seed": 1}) != first
+    assert parse_circuit(text, settings={"seed": 1}) != first
     added = text.replace("neurons:\n", "neurons:\n  extra: {model: step, role: excitatory, shift: 1}\n")
-    same = resolve(parse_circuit(added)).populations[0].parameters["shift"]
+    same = parse_circuit(added).populations[0].parameters["shift"]
     assert np.array_equal(same, first.populations[0].parameters["shift"])
 
 
 def test_the_size_may_be_a_parameter_and_given_from_outside():
-    spec = parse_circuit(BASE.replace("size: 64", "size: cells"))
-    assert resolve(spec).populations[0].size == 64
-    assert resolve(spec, {"cells": 6}).populations[0].size == 6
-    assert resolve(spec, {"ring.size": 7}).populations[0].size == 7
-    assert resolve(spec, {"off.tau": "5 ms"}).populations[1].parameters["tau"] == 0.005
-    assert resolve(spec, {"off.noise": 0.1}).populations[1].noise == 0.1
-    assert resolve(spec, {"off.initial.v": {"range": [0, 7]}}).populations[1].initial["v"].tolist() == list(
-        range(8)
-    )
+    text = BASE.replace("size: 64", "size: cells")
+    assert parse_circuit(text).populations[0].size == 64
+    assert parse_circuit(text, settings={"cells": 6}).populations[0].size == 6
+    assert parse_circuit(text, settings={"ring.size": 7}).populations[0].size == 7
+    assert parse_circuit(text, settings={"off.tau": "5 ms"}).populations[1].parameters["tau"] == 0.005
+    assert parse_circuit(text, settings={"off.noise": 0.1}).populations[1].noise == 0.1
+    assert parse_circuit(text, settings={"off.initial.v": {"range": [0, 7]}}).populations[1].initial[
+        "v"
+    ].tolist() == list(range(8))
     with pytest.raises(UnknownNameError, match=r"did you mean 'off\.tau'"):
-        resolve(spec, {"off.tua": "5 ms"})
+        parse_circuit(text, settings={"off.tua": "5 ms"})
 
 
 def test_members_are_neurons_by_name():
-    graph = resolve(
-        parse_circuit(BASE.replace("readout: {ring: 1, p: 1}", 'readout: {ring: sin(2*pi*i/n), "off[7]": 1}'))
+    graph = parse_circuit(
+        BASE.replace("readout: {ring: 1, p: 1}", 'readout: {ring: sin(2*pi*i/n), "off[7]": 1}')
     )
     assert graph.names()[:4] == ("u", "p", "ring[0]", "ring[1]")
     assert graph.neuron_names.index("off[7]") == 1 + 64 + 7
@@ -164,9 +164,9 @@ def test_a_random_projection_is_the_same_wherever_it_stands():
     rule = TO_OFF.replace("all_to_all", "{in_degree: 5}")
     there = projection(rule).sources
     other = BASE.replace(TO_OFF, f"{{from: p, to: off, connect: all_to_all, weight: 1}}\n  - {rule}")
-    assert np.array_equal(resolve(parse_circuit(other)).projections[2].sources, there)
+    assert np.array_equal(parse_circuit(other).projections[2].sources, there)
     assert not np.array_equal(
-        resolve(parse_circuit(BASE.replace(TO_OFF, rule)), {"seed": 9}).projections[1].sources, there
+        parse_circuit(BASE.replace(TO_OFF, rule), settings={"seed": 9}).projections[1].sources, there
     )
 
 
@@ -196,7 +196,7 @@ def test_matrix_files_of_all_kinds_say_the_same(kind):
     else:
         sparse.save_npz("w.npz", getattr(sparse, f"{kind[-3:]}_matrix")(W))
     suffix = kind.split()[0]
-    found = resolve(parse_circuit(matrix_circuit(f"w.{suffix}"))).projections[2]
+    found = parse_circuit(matrix_circuit(f"w.{suffix}")).projections[2]
     assert found.indptr.tolist() == [0, 2, 3]
     assert found.sources.tolist() == [1, 7, 0]
     assert found.weights == pytest.approx(np.array([1.5, -2.25, 3]) * -0.001)
@@ -301,7 +301,7 @@ def test_the_readout_of_a_population_that_is_wrong_is_not_complained_about():
     weights = "readout: {ring: cos(2 * pi * i / n)"
     document = BASE.replace("size: 64", "size: 0").replace("readout: {ring: 1", weights)
     with pytest.raises(InputError) as caught:
-        resolve(parse_circuit(document, "f.yaml"))
+        parse_circuit(document, "f.yaml")
     assert [problem.where for problem in caught.value.problems] == ["populations.ring.size"]
 
 
@@ -350,7 +350,7 @@ def test_a_million_neurons_and_ten_million_synapses_take_little_memory(rule):
     text = MANY.replace(TO_OFF, many.replace("WEIGHT", "{uniform: [0 mm, 1 mm]}"))
     tracemalloc.start()
     start = time.process_time()
-    graph = resolve(parse_circuit(text))
+    graph = parse_circuit(text)
     needed = time.process_time() - start
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -372,18 +372,18 @@ def test_populations_bring_numpy_only_when_there_are_some():
 
 
 def test_graphs_with_populations_are_equal_if_they_mean_the_same():
-    first, again = (resolve(parse_circuit(BASE)) for _ in range(2))
+    first, again = (parse_circuit(BASE) for _ in range(2))
     assert first == again
     for old, new in (
         (RING, RING.replace("5 mm", "6 mm")),
         (TO_OFF, TO_OFF.replace("weight: 1", "weight: 1 + 0 * i")),
         ("ring: 1,", "ring: i,"),
     ):
-        assert resolve(parse_circuit(BASE.replace(old, new))) != first
+        assert parse_circuit(BASE.replace(old, new)) != first
 
 
 def test_the_networkx_view_has_every_member_and_synapse():
-    graph = resolve(parse_circuit(BASE.replace(TO_OFF, TO_OFF.replace("weight: 1", "weight: i + 1"))))
+    graph = parse_circuit(BASE.replace(TO_OFF, TO_OFF.replace("weight: 1", "weight: i + 1")))
     view = graph.to_networkx()
     assert tuple(view) == graph.names()
     assert view.edges["ring[5]", "off[2]"] == {"weight": 6.0, "kind": "excitatory"}
@@ -395,4 +395,4 @@ def test_loading_from_a_file_finds_the_matrix_beside_it():
     Path("sub").mkdir()
     np.savez("sub/w.npz", W)
     Path("sub/f.yaml").write_text(matrix_circuit("w.npz"), encoding="utf-8")
-    assert len(resolve(load_circuit("sub/f.yaml")).projections[2].sources) == 3
+    assert len(load_circuit("sub/f.yaml").projections[2].sources) == 3

@@ -11,17 +11,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.base.source import dump_yaml
-from circuitkit.circuit import CircuitSpec, parse_circuit, resolve
+from circuitkit.base.source import dump_yaml, parse_yaml
+from circuitkit.circuit import CircuitSpec, parse_circuit
 from circuitkit.circuit.authoring.flat import flat_yaml
+from circuitkit.circuit.parts import module_of, read_module
+from circuitkit.circuit.resolve import resolve
 
 few = settings(max_examples=40, deadline=None)
+
+
+def spec_of(text: str) -> CircuitSpec:
+    return read_module(parse_yaml(text))[0].spec
 
 
 @given(strategies.circuit_data())
 @few
 def test_random_circuits_validate_and_say_what_was_written(data):
-    graph = resolve(parse_circuit(dump_yaml(data)))
+    graph = parse_circuit(dump_yaml(data))
     assert [node.name for node in graph.inputs] == list(data["inputs"])
     assert [node.name for node in graph.neurons] == list(data["neurons"])
     assert [node.name for node in graph.outputs] == list(data["outputs"])
@@ -34,28 +40,27 @@ def test_random_circuits_validate_and_say_what_was_written(data):
 @given(strategies.circuit_texts())
 @few
 def test_a_spec_written_out_reads_back_as_the_same_circuit(text):
-    spec = parse_circuit(text)
-    again = parse_circuit(dump_yaml(spec.model_dump(mode="json", by_alias=True, exclude_unset=True)))
-    assert again.model_dump() == spec.model_dump()
-    assert resolve(again) == resolve(spec)
+    spec = spec_of(text)
+    again = dump_yaml(spec.model_dump(mode="json", by_alias=True, exclude_unset=True))
+    assert spec_of(again).model_dump() == spec.model_dump()
+    assert parse_circuit(again) == parse_circuit(text)
 
 
 @given(strategies.circuit_graphs())
 @few
 def test_a_graph_written_out_reads_back_as_the_same_circuit(graph):
-    assert resolve(parse_circuit(flat_yaml(graph))) == replace(graph, parameters={})
+    assert parse_circuit(flat_yaml(graph)) == replace(graph, parameters={})
 
 
 @given(strategies.many_of_a_kind())
 @few
 def test_populations_and_projections_written_out_read_back_as_the_same_circuit(data):
-    spec = parse_circuit(dump_yaml(data))
-    graph = resolve(spec)
-    assert resolve(parse_circuit(flat_yaml(graph))) == replace(graph, parameters={})
-    again = parse_circuit(dump_yaml(spec.model_dump(mode="json", by_alias=True, exclude_unset=True)))
-    assert resolve(again) == graph
+    text = dump_yaml(data)
+    graph = parse_circuit(text)
+    assert parse_circuit(flat_yaml(graph)) == replace(graph, parameters={})
+    again = dump_yaml(spec_of(text).model_dump(mode="json", by_alias=True, exclude_unset=True))
+    assert parse_circuit(again) == graph
     assert pickle.loads(pickle.dumps(graph)) == graph
-    assert resolve(pickle.loads(pickle.dumps(spec))) == graph
 
 
 @given(strategies.circuit_data())
@@ -63,14 +68,13 @@ def test_populations_and_projections_written_out_read_back_as_the_same_circuit(d
 def test_a_spec_made_in_python_resolves_to_the_same_circuit(data):
     text = dump_yaml(data)
     made = CircuitSpec.model_validate_json(json.dumps(data))
-    assert made.module is None
-    assert resolve(made) == resolve(parse_circuit(text))
+    assert resolve(module_of(made)) == parse_circuit(text)
 
 
 def problems_of(text: str) -> tuple[Problem, ...]:
     """What is wrong with the text; any other exception than an input error is a failure."""
     try:
-        resolve(parse_circuit(text, "f.yaml"))
+        parse_circuit(text, "f.yaml")
     except InputError as error:
         return error.problems
     return ()

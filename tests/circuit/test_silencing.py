@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from circuitkit import compile_circuit, load_circuit, resolve
+from circuitkit import compile_circuit, load_circuit
 from circuitkit.base.errors import InputError
 from circuitkit.circuit import CircuitGraph, parse_circuit
 from circuitkit.circuit.silencing import connections, silence
@@ -13,7 +13,7 @@ from circuitkit.engine import run
 
 
 def binn() -> CircuitGraph:
-    return resolve(load_circuit("binn_lateral"))
+    return load_circuit("binn_lateral")
 
 
 def drive(graph: CircuitGraph, **inputs: float) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_a_silenced_circuit_has_as_many_synapses_in_the_same_order() -> None:
 
 
 def test_a_plastic_synapse_goes_for_its_weight_may_grow_again() -> None:
-    graph = resolve(load_circuit("conditioned_reflex"))
+    graph = load_circuit("conditioned_reflex")
     plastic = next(s for s in graph.synapses if s.model.states)
     cut = silence(graph, [f"{plastic.source} -> {plastic.target}"])
     assert (plastic.source, plastic.target) not in [(s.source, s.target) for s in cut.synapses]
@@ -85,7 +85,7 @@ projections:
   - {from: a, to: b, connect: one_to_one, weight: 1}
 outputs: {y: {unit: "1", readout: {b: 1}}}
 """
-    graph = resolve(parse_circuit(text))
+    graph = parse_circuit(text)
     assert drive(graph, x=1.0)[-1] > 0
     assert drive(silence(graph, ["a"]), x=1.0)[-1] == 0
     assert drive(silence(graph, ["b -> y"]), x=1.0)[-1] == 0
@@ -130,4 +130,4 @@ outputs: {y: {unit: "1", readout: {b: 1}}}
         encoding="utf-8",
     )
     with pytest.raises(InputError, match="found 'g', which gates a -> b; allowed: neurons that gate nothing"):
-        silence(resolve(load_circuit(file)), ["g"])
+        silence(load_circuit(file), ["g"])

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circuitkit.base.units import Quantity, parse_quantity
-from circuitkit.circuit import check, parse_circuit, resolve
+from circuitkit.circuit import check, parse_circuit
 from circuitkit.circuit.expressions.values import ValueProblemError, evaluate, unknown_parameter
 
 PARAMETERS = {
@@ -150,7 +150,7 @@ def test_a_complaint_points_into_the_expression(value, column, message, tmp_path
 def test_a_parameter_may_be_named_like_a_unit_with_a_warning():
     """After a number m is the metre, anywhere else the parameter."""
     text = FILE.replace("PARAMETER", "m: 2 mm").replace("VALUE", "2 * m + 1 m")
-    assert resolve(parse_circuit(text)).neurons[0].parameters["shift"] == 1.004
+    assert parse_circuit(text).neurons[0].parameters["shift"] == 1.004
 
 
 def test_the_warning_about_the_unit(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mean_field import self_consistent
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 N = 5000
@@ -19,7 +19,7 @@ SETTLED = round(0.2 / STEP_S)
 def spikes():
     """Whether each neuron spiked in each substep, (T, N), after 200 ms; a control step is a substep here."""
     changes = {**SMALL, "control_step": "0.5 ms", "substeps": 1}
-    program = compile_circuit(resolve(load_circuit("balanced_network"), changes))
+    program = compile_circuit(load_circuit("balanced_network", changes))
     output = run(program, np.zeros((SETTLED + round(0.6 / STEP_S), 1, 0))).output
     return output[SETTLED:, 0] > 0
 
@@ -29,7 +29,7 @@ def test_there_are_no_errors_and_no_warnings():
 
 
 def test_it_is_a_large_network_without_noise():
-    graph = resolve(load_circuit("balanced_network"))
+    graph = load_circuit("balanced_network")
     assert sum(population.size for population in graph.populations) == 100_000
     assert sum(int(projection.indptr[-1]) for projection in graph.projections) == 5_000_000
     for projection in graph.projections:
@@ -72,7 +72,7 @@ def test_excitatory_and_inhibitory_neurons_fire_alike(spikes):
 
 def test_the_whole_network_runs():
     """40 ms of 100 000 neurons; after a first volley the rate is near what the theory has for it."""
-    program = compile_circuit(resolve(load_circuit("balanced_network")))
+    program = compile_circuit(load_circuit("balanced_network"))
     trace = run(program, np.zeros((4, 1, 0)))
     assert trace.output.shape == (4, 1, 100_000)
     assert trace.readout[-2:, 0, 0].mean() / 0.01 == pytest.approx(self_consistent()[0], rel=0.15)

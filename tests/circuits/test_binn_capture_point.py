@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuitkit.base.units import parse_unit
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.control import CircuitController
 from circuitkit.engine import compile_circuit, run
 from circuitkit.robots import build_model, command_units, load_robot, robot_channels
@@ -23,7 +23,7 @@ _ERRORS = st.lists(st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08)), mi
 
 def _compiled(name):
     """With the backend that rounds alike whatever stands beside a neuron."""
-    return compile_circuit(resolve(load_circuit(name)), backend="numpy", reproducible=True)
+    return compile_circuit(load_circuit(name), backend="numpy", reproducible=True)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_the_nao_has_all_channels(name):
             f"planned_com_{axis}": parse_unit("m"),
             f"planned_com_velocity_{axis}": parse_unit("m/s"),
         }
-    controller = CircuitController(resolve(load_circuit(name)), channels, command_units(model), 0.01)
+    controller = CircuitController(load_circuit(name), channels, command_units(model), 0.01)
     assert set(controller.commands) <= {"ankle_roll", "ankle_pitch"}
 
 
@@ -75,7 +75,7 @@ def test_only_the_error_counts_and_velocity_counts_for_the_time_of_the_fall(prog
 
 def test_at_the_edge_p_is_one_half_and_the_toes_are_pressed(programs):
     """Eqs. 12 and 14: ahead of the plan by the edge, p2 is S(10 (1/2 - 1/2)); pitch turns toes down."""
-    graph = resolve(load_circuit("binn_sagittal_capture"))
+    graph = load_circuit("binn_sagittal_capture")
     edge, w = graph.parameters["edge"].value_si, graph.parameters["w"].value_si
     (pitch,) = _driven(programs["binn_sagittal_capture"], com_x=np.array([edge]))["ankle_pitch"]
     # p1 is silenced by h1 but for S(10 (q1 - h2 - 1/2)), which is less than 1e-6.
@@ -93,7 +93,7 @@ def test_to_the_front_and_to_the_back_it_does_the_same_mirrored(programs, errors
 
 def test_neurons_and_synapses_are_those_of_binn_sagittal():
     """Named as in the instance, with the same roles and the same weights between them."""
-    plain, fed = (resolve(load_circuit(name)) for name in ("binn_sagittal", "binn_sagittal_tuned"))
+    plain, fed = (load_circuit(name) for name in ("binn_sagittal", "binn_sagittal_tuned"))
     roles = {f"sagittal.{node.name}": node.role for node in plain.neurons}
     assert {node.name: node.role for node in fed.neurons} == roles
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 from circuitkit.robots import load_robot
 
@@ -21,7 +21,7 @@ W = math.radians(1.63)
 
 @pytest.fixture(scope="module")
 def program():
-    return compile_circuit(resolve(load_circuit("binn_omnidirectional")))
+    return compile_circuit(load_circuit("binn_omnidirectional"))
 
 
 def _moved(program, within_m, force=0.0):

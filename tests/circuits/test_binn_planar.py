@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.control import CircuitController
 from circuitkit.engine import compile_circuit, run
 from circuitkit.robots import build_model, command_units, load_robot, robot_channels
@@ -23,7 +23,7 @@ _WALKS = st.lists(
 
 def _compiled(name):
     """With the backend that rounds alike whatever stands beside a neuron."""
-    return compile_circuit(resolve(load_circuit(name)), backend="numpy", reproducible=True)
+    return compile_circuit(load_circuit(name), backend="numpy", reproducible=True)
 
 
 @pytest.fixture(scope="module")
@@ -93,5 +93,5 @@ def test_no_direction_disturbs_the_other(planar, walk):
 def test_the_nao_has_all_channels(name):
     model = build_model(load_robot("nao").with_servos(None))
     channels = {channel: each.unit for channel, each in robot_channels(model).items()}
-    controller = CircuitController(resolve(load_circuit(name)), channels, command_units(model), 0.01)
+    controller = CircuitController(load_circuit(name), channels, command_units(model), 0.01)
     assert set(controller.commands) <= {"ankle_roll", "ankle_pitch"}

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run, step
 from circuitkit.robots import load_robot
 from circuitkit.simulation import load_scenario, simulate
@@ -29,7 +29,7 @@ TABLE = {
 
 @pytest.fixture(scope="module")
 def graph():
-    return resolve(load_circuit("binn_sagittal"))
+    return load_circuit("binn_sagittal")
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_which_neurons_fire_and_what_comes_out(program, row):
 def test_the_edges_are_those_of_the_force_cells_in_the_robot_file():
     cells = load_robot("nao").feet.left.cells
     along = sorted(x for x, _ in cells.values())
-    graph = resolve(load_circuit("binn_sagittal"))
+    graph = load_circuit("binn_sagittal")
     assert graph.parameters["front_edge"].value_si == pytest.approx(along[-1])
     assert along[0] <= graph.parameters["back_edge"].value_si <= along[1]
 

@@ -35,7 +35,6 @@ from hypothesis import strategies as st
 
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.circuit.load import load_circuit
-from circuitkit.circuit.resolve import resolve
 from circuitkit.engine import compile_circuit, run, step
 
 W = np.radians(1.63)
@@ -65,7 +64,7 @@ TABLE = {
 
 @pytest.fixture(scope="module")
 def graph() -> CircuitGraph:
-    return resolve(load_circuit("binn_lateral"))
+    return load_circuit("binn_lateral")
 
 
 def _outputs(program, state, member=0):

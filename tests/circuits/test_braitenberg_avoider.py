@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 ARENA = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "avoid_the_walls.py"))
@@ -19,7 +19,7 @@ CALM = {"near_left.noise": "0 cm", "near_right.noise": "0 cm"}
 
 @pytest.fixture(scope="module")
 def program():
-    return compile_circuit(resolve(load_circuit("braitenberg_avoider"), CALM))
+    return compile_circuit(load_circuit("braitenberg_avoider", CALM))
 
 
 def _wheels(program, left_m, right_m, steps=60):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 RATE, DECAY, START, LIMIT = 0.002, 0.0002, 0.01, 10.0  # limit: rate / decay
@@ -13,7 +13,7 @@ RATE, DECAY, START, LIMIT = 0.002, 0.0002, 0.01, 10.0  # limit: rate / decay
 
 @pytest.fixture(scope="module")
 def program():
-    return compile_circuit(resolve(load_circuit("conditioned_reflex")))
+    return compile_circuit(load_circuit("conditioned_reflex"))
 
 
 def _run(program, *phases):

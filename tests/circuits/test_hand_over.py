@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 LEFT_LIMIT, RIGHT_LIMIT = 0.08, -0.06
@@ -17,7 +17,7 @@ MARGIN, HOLD, KEPT = 0.02, 0.01, 0.25
 @pytest.fixture(scope="module")
 def program():
     changes = {"margin": f"{MARGIN} m", "hold": f"{HOLD} m", "ankle_while_stepping": f"{KEPT}"}
-    return compile_circuit(resolve(load_circuit("hand_over"), changes))
+    return compile_circuit(load_circuit("hand_over", changes))
 
 
 def answers(program, dcm_m):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from oscillators import frequency, published_frequency, solved
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 HALF = {"tau": 0.132, "adaptation": 0.264, "b": 2.5}
@@ -18,7 +18,7 @@ HALF_CENTRE = np.array([[0, 2], [2, 0]], dtype=float)
 
 def _run(name, duration_s, overrides=None, inputs=None):
     """Time and trace; inputs by name are functions of time."""
-    program = compile_circuit(resolve(load_circuit(name), overrides or {}))
+    program = compile_circuit(load_circuit(name, overrides or {}))
     time_s = np.arange(round(duration_s / program.step_s)) * program.step_s
     table = np.zeros((len(time_s), 1, len(program.input_names)))
     for key, function in (inputs or {}).items():

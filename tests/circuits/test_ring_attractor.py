@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 N = 64
@@ -14,7 +14,7 @@ ANGLES = 2 * np.pi * np.arange(N) / N
 
 
 def _compiled(**changes):
-    return compile_circuit(resolve(load_circuit("ring_attractor"), changes))
+    return compile_circuit(load_circuit("ring_attractor", changes))
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_there_are_no_errors_and_no_warnings():
 
 
 def test_each_neuron_either_excites_or_inhibits():
-    graph = resolve(load_circuit("ring_attractor"))
+    graph = load_circuit("ring_attractor")
     for projection in graph.projections:
         weights = np.broadcast_to(projection.weights, (projection.indptr[-1],))
         if projection.source == "ring":

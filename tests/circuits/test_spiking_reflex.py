@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 STEP_S = 1e-4
@@ -21,7 +21,7 @@ DRIVE = 200.0  # 20 nA times 10 Mohm, per unit of lean, [mV]
 def program():
     """A control step is one substep of the file, so that every single spike is seen."""
     changes = {"control_step": "0.1 ms", "substeps": 1}
-    return compile_circuit(resolve(load_circuit("spiking_reflex"), changes))
+    return compile_circuit(load_circuit("spiking_reflex", changes))
 
 
 def _spikes(program, tilt, duration_s=0.4):
@@ -74,7 +74,7 @@ def test_leaning_to_the_left_turns_the_body_to_the_right_and_the_mirror_image(pr
 
 
 def test_in_control_steps_of_10_ms_no_spike_is_lost():
-    program = compile_circuit(resolve(load_circuit("spiking_reflex")))
+    program = compile_circuit(load_circuit("spiking_reflex"))
     trace = run(program, np.full((200, 1, 1), 0.3))
     sensory = trace.output[:, 0, program.neuron_index["sensory_left"]].sum()
     assert sensory == pytest.approx(2.0 / (REFRACTORY + _rise(0.3)), rel=0.02)  # substeps of 0.2 ms

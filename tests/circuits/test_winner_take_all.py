@@ -7,14 +7,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from circuitkit.circuit import check, load_circuit, resolve
+from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
 
 N = 8
 
 
 def _compiled(**changes):
-    return compile_circuit(resolve(load_circuit("winner_take_all"), changes))
+    return compile_circuit(load_circuit("winner_take_all", changes))
 
 
 @pytest.fixture(scope="module")

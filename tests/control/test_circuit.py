@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuitkit import load_circuit, parse_circuit, resolve, run
+from circuitkit import load_circuit, parse_circuit, run
 from circuitkit.base.errors import InputError
 from circuitkit.base.units import parse_unit
 from circuitkit.control import CircuitController
@@ -36,7 +36,7 @@ outputs:
 
 
 def graph(text=CIRCUIT):
-    return resolve(parse_circuit(text, "pair.yaml"))
+    return parse_circuit(text, "pair.yaml")
 
 
 def controller(text=CIRCUIT, step_s=0.01):
@@ -85,10 +85,10 @@ def test_it_does_what_its_equations_say():
 
 def test_it_is_the_circuit_run_alone():
     observations = readings(50, 3)
-    program = compile_circuit(resolve(load_circuit("binn_lateral")))
+    program = compile_circuit(load_circuit("binn_lateral"))
     order = [("force_difference", "zmp_y").index(name) for name in program.input_names]
     observations = observations[..., order]
-    made = CircuitController(resolve(load_circuit("binn_lateral")), OBSERVATIONS, COMMANDS, 0.01)
+    made = CircuitController(load_circuit("binn_lateral"), OBSERVATIONS, COMMANDS, 0.01)
     commands, traces = stepped(made, observations)
     alone = run(program, observations)
     np.testing.assert_array_equal(commands, alone.readout)
@@ -96,7 +96,7 @@ def test_it_is_the_circuit_run_alone():
 
 
 def test_members_of_populations_are_recorded_one_by_one():
-    graph = resolve(load_circuit("ring_attractor"))
+    graph = load_circuit("ring_attractor")
     inputs, outputs = ({node.name: node.unit for node in nodes} for nodes in (graph.inputs, graph.outputs))
     made = CircuitController(graph, inputs, outputs, graph.step_s)
     assert made.trace_names[:3] == ("global", "ring[0]", "ring[1]")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.control import planned_channels
 from circuitkit.engine import compile_circuit, step
 from circuitkit.biped.gait.lipm import GRAVITY_M_S2
@@ -35,7 +35,7 @@ def test_the_planned_com_has_the_planned_zmp(plan):
 
 def test_a_circuit_reads_the_plan_of_its_own_tick(plan):
     channels = planned_channels(plan.reference())
-    program = compile_circuit(resolve(load_circuit("binn_lateral_capture")))
+    program = compile_circuit(load_circuit("binn_lateral_capture"))
     controller = plan.controller("circuit")
     controller.reset(1)
     assert not [name for name in controller.observations if name.startswith("planned")]

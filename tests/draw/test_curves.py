@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.draw import draw_activations, draw_traces
 from circuitkit.draw.activations import activations_figure, make_panels
 from circuitkit.draw.traces import Activity, Band, Line, Panel, Span, _columns, traces_figure
@@ -12,7 +12,7 @@ from circuitkit.draw.traces import Activity, Band, Line, Panel, Span, _columns, 
 
 @pytest.fixture(scope="module")
 def binn():
-    return resolve(load_circuit("binn_lateral"))
+    return load_circuit("binn_lateral")
 
 
 def test_neurons_of_a_layer_share_axes_and_equal_ones_a_curve(binn):

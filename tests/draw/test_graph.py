@@ -10,7 +10,7 @@ import matplotlib as mpl
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.draw import draw_circuit
 from circuitkit.draw.style import EXCITATORY, INHIBITORY, ROLE_FILL, SENSORIAL
 
@@ -20,7 +20,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def binn():
-    return resolve(load_circuit("binn_lateral"))
+    return load_circuit("binn_lateral")
 
 
 @pytest.fixture(scope="module")
@@ -93,14 +93,12 @@ def test_the_page_loads_nothing(pictures):
 
 
 def test_text_of_a_file_is_only_text_in_the_page(tmp_path):
-    graph = resolve(
-        parse_circuit(
-            "circuit: c\ndescription: '<script>alert(1)</script> $x^2 {y}'\n"
-            "control_step: 10 ms\ntiming: ordered\n"
-            "inputs: {u: {unit: '1', range: [0, 1], description: 'a < b & \"c\"'}}\n"
-            "neurons: {n: {model: sigmoid, role: excitatory, slope: 1, shift: 0, description: '$\\alpha'}}\n"
-            "synapses: [{from: u, to: n, weight: 1}]\noutputs: {y: {unit: '1', readout: {n: 1}}}\n"
-        )
+    graph = parse_circuit(
+        "circuit: c\ndescription: '<script>alert(1)</script> $x^2 {y}'\n"
+        "control_step: 10 ms\ntiming: ordered\n"
+        "inputs: {u: {unit: '1', range: [0, 1], description: 'a < b & \"c\"'}}\n"
+        "neurons: {n: {model: sigmoid, role: excitatory, slope: 1, shift: 0, description: '$\\alpha'}}\n"
+        "synapses: [{from: u, to: n, weight: 1}]\noutputs: {y: {unit: '1', readout: {n: 1}}}\n"
     )
     for suffix in FORMATS:
         draw_circuit(graph, tmp_path / f"c{suffix}")
@@ -140,9 +138,9 @@ def test_drawing_leaves_the_settings_of_matplotlib_alone(binn, tmp_path):
 
 def test_drawing_does_not_use_pyplot(tmp_path):
     code = (
-        "import sys; from circuitkit.circuit import load_circuit, resolve; "
+        "import sys; from circuitkit.circuit import load_circuit; "
         "from circuitkit.draw import draw_circuit; "
-        f"draw_circuit(resolve(load_circuit('binn_lateral')), {str(tmp_path / 'a.png')!r}); "
+        f"draw_circuit(load_circuit('binn_lateral'), {str(tmp_path / 'a.png')!r}); "
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

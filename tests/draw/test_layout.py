@@ -13,7 +13,6 @@ from strategies import circuit_graphs
 
 from circuitkit.circuit.graph import CircuitGraph, Synapse
 from circuitkit.circuit.load import load_circuit
-from circuitkit.circuit.resolve import resolve
 from circuitkit.draw.layers import Bend, _crossings, make_layers
 from circuitkit.draw.layout import Layout
 from circuitkit.draw.network import make_network
@@ -22,7 +21,7 @@ from circuitkit.draw.placing import ascending
 
 @pytest.fixture(scope="module")
 def binn() -> CircuitGraph:
-    return resolve(load_circuit("binn_lateral"))
+    return load_circuit("binn_lateral")
 
 
 def labels(graph: CircuitGraph) -> dict[tuple[str, str], str]:

@@ -11,7 +11,7 @@ import pytest
 from drawing import assert_nothing_overlaps, dense, layout_of
 
 from circuitkit.base.source import shipped_names
-from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.circuit.graph import Projection
 from circuitkit.draw import draw_circuit
 from circuitkit.draw.network import make_network
@@ -41,14 +41,11 @@ outputs:
 
 
 def links(text):
-    return {
-        (each.source, each.target, each.kind): each
-        for each in make_network(resolve(parse_circuit(text))).links
-    }
+    return {(each.source, each.target, each.kind): each for each in make_network(parse_circuit(text)).links}
 
 
 def test_a_population_is_one_node_with_its_size():
-    (ring,) = [node for node in make_network(resolve(parse_circuit(RING))).nodes if node.name == "ring"]
+    (ring,) = [node for node in make_network(parse_circuit(RING)).nodes if node.name == "ring"]
     assert (ring.lines, ring.size, ring.role) == (("ring", "8 neurons"), 8, "excitatory")
     assert ring.details.splitlines()[0] == "ring: excitatory, leaky_integrator, 8 neurons"
     assert "tau 0.01 s" in ring.details
@@ -95,7 +92,7 @@ def test_who_is_connected_with_whom(indptr, sources, sizes, expected):
 
 @pytest.mark.parametrize("name", shipped_names("circuits"))
 def test_nothing_overlaps_in_shipped_circuits(name):
-    layout = layout_of(resolve(load_circuit(name)))
+    layout = layout_of(load_circuit(name))
     assert_nothing_overlaps(layout)
     assert_instances_stand_apart(layout)
     assert layout.homeless == ()
@@ -137,21 +134,21 @@ def test_instances_stand_apart_in_any_circuit(seed):
 
 
 def test_nodes_of_an_instance_are_called_as_in_its_file():
-    layout = layout_of(resolve(load_circuit("binn_planar")))
+    layout = layout_of(load_circuit("binn_planar"))
     assert [group.name for group in layout.groups] == ["lateral", "sagittal"]
     assert layout.nodes["lateral.q1"].lines == ("q1",)
 
 
 def test_instances_are_clusters_of_the_dot_file(tmp_path):
-    draw_circuit(resolve(load_circuit("binn_planar")), tmp_path / "planar.dot")
+    draw_circuit(load_circuit("binn_planar"), tmp_path / "planar.dot")
     text = (tmp_path / "planar.dot").read_text(encoding="utf-8")
     assert 'subgraph "cluster_lateral" {\n    label="lateral";' in text
-    draw_circuit(resolve(parse_circuit(RING)), tmp_path / "ring.dot")
+    draw_circuit(parse_circuit(RING), tmp_path / "ring.dot")
     assert 'label="ring\\n8 neurons"' in (tmp_path / "ring.dot").read_text(encoding="utf-8")
 
 
 def test_the_page_tells_about_projections(tmp_path):
-    draw_circuit(resolve(parse_circuit(RING)), tmp_path / "ring.html")
+    draw_circuit(parse_circuit(RING), tmp_path / "ring.html")
     page = (tmp_path / "ring.html").read_text(encoding="utf-8")
     assert (
         "ring to ring: excitatory, all to all others, weight 0.5, first order, goes back in a cycle" in page
@@ -166,7 +163,7 @@ def test_a_hundred_thousand_neurons_are_drawn_in_a_moment(tmp_path):
         "  - {from: b, to: a, connect: {in_degree: 10}, weight: -0.1}\n"
         "outputs: {y: {unit: '1', readout: {a: 1}}}\n"
     )
-    graph = resolve(parse_circuit(text))
+    graph = parse_circuit(text)
     start = time.perf_counter()
     draw_circuit(graph, tmp_path / "large.svg")
     assert time.perf_counter() - start < 5.0  # 0.3 s on an idle core

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.draw.activations import activations_figure, make_panels
 from circuitkit.draw.responses import member, response, span
 
@@ -18,7 +18,7 @@ def neuron(model, **values):
         f"{HEAD}neurons:\n  n: {{model: {model}, role: excitatory, {keys}}}\n"
         "outputs: {y: {unit: '1', readout: {n: 1}}}\n"
     )
-    return resolve(parse_circuit(text)).neurons[0]
+    return parse_circuit(text).neurons[0]
 
 
 def test_a_memoryless_neuron_answers_with_its_function():
@@ -61,7 +61,7 @@ def test_a_member_has_the_values_of_its_place():
         "  ring: {size: 5, model: sigmoid, role: excitatory, slope: 1, shift: {range: [0, 8]}}\n"
         "outputs: {y: {unit: '1', readout: {ring: 1}}}\n"
     )
-    graph = resolve(parse_circuit(text))
+    graph = parse_circuit(text)
     assert member(graph.populations[0], 2).parameters == {"slope": 1.0, "shift": 4.0}
     assert [panel.title for panel in make_panels(graph)] == ["ring[0], ring[2], ring[4] (excitatory)"]
 
@@ -74,5 +74,5 @@ def test_a_member_has_the_values_of_its_place():
     ],
 )
 def test_curves_of_circuits_with_states(name, labels):
-    figure = activations_figure(resolve(load_circuit(name)))
+    figure = activations_figure(load_circuit(name))
     assert {axes.get_ylabel() for axes in figure.axes} == labels

@@ -13,6 +13,7 @@ from programs import program_of
 from random_circuits import any_circuits
 
 from circuitkit.base.errors import DivergedError, InputError
+from circuitkit.circuit import load_circuit
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine import compile_circuit, run
@@ -164,7 +165,7 @@ def test_the_members_of_a_sweep_are_the_circuits_alone():
 
 def compile_graph(slope, weight):
     """Two neurons in a row."""
-    from circuitkit.circuit import parse_circuit, resolve
+    from circuitkit.circuit import parse_circuit
 
     text = f"""
 circuit: two
@@ -179,7 +180,7 @@ synapses:
   - {{from: a, to: b, weight: {abs(weight)}}}
 outputs: {{y: {{unit: "1", readout: {{b: 1}}}}}}
 """
-    return resolve(parse_circuit(text))
+    return parse_circuit(text)
 
 
 @both_forms
@@ -294,7 +295,7 @@ def test_an_input_that_is_not_finite_is_noticed_in_the_step():
 
 @both_forms
 def test_a_run_of_many_steps_is_the_same_steps_one_by_one():
-    program = compile_circuit("binn_lateral", backend="compiled")
+    program = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
     inputs = np.random.default_rng(4).normal(size=(30, 5, 2)) * [0.3, 0.1]
     trace = run(program, inputs)
     stepper = program.stepper(5)
@@ -306,8 +307,8 @@ def test_a_run_of_many_steps_is_the_same_steps_one_by_one():
 
 @both_forms
 def test_float32_is_close():
-    double = compile_circuit("binn_lateral", backend="compiled")
-    single = compile_circuit("binn_lateral", backend="compiled", precision="float32")
+    double = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
+    single = compile_circuit(load_circuit("binn_lateral"), backend="compiled", precision="float32")
     inputs = np.random.default_rng(5).normal(size=(30, 9, 2)) * [0.3, 0.1]
     assert isinstance(single.new_kernel(9), CompiledKernel)
     np.testing.assert_allclose(run(single, inputs).readout, run(double, inputs).readout, atol=2e-4)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends import compiled_backend
 from circuitkit.engine.backends.c import build, kernel, source
@@ -88,7 +89,7 @@ def test_without_a_compiler_numpy_does_the_same_and_says_so(caplog):
     assert unavailable() == reason
     for backend, warnings in (("auto", []), ("compiled", [WARNING.format(reason)])):
         with caplog.at_level(logging.WARNING, "circuitkit"):
-            program = compile_circuit("binn_lateral", backend=backend)
+            program = compile_circuit(load_circuit("binn_lateral"), backend=backend)
         assert caplog.messages == warnings
         assert (program.backend, program.note) == ("numpy", f"backend numpy: {reason}")
         assert not isinstance(program.new_kernel(1), CompiledKernel)
@@ -96,7 +97,7 @@ def test_without_a_compiler_numpy_does_the_same_and_says_so(caplog):
 
 @pytest.mark.usefixtures("cache")
 def test_a_mistake_in_the_making_of_the_c_leads_to_numpy(monkeypatch, caplog):
-    before = compile_circuit("binn_lateral", backend="compiled")
+    before = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
 
     def mistaken(*_):
         return {}["row 7"]
@@ -108,7 +109,7 @@ def test_a_mistake_in_the_making_of_the_c_leads_to_numpy(monkeypatch, caplog):
     with caplog.at_level(logging.WARNING, "circuitkit"):
         assert isinstance(before.new_kernel(1), NumpyKernel)
         for backend in ("auto", "compiled"):
-            program = compile_circuit("binn_lateral", backend=backend)
+            program = compile_circuit(load_circuit("binn_lateral"), backend=backend)
             assert (program.backend, program.note) == ("numpy", f"backend numpy: {reason}")
     assert caplog.messages == [WARNING.format(reason)] * 2
 
@@ -127,7 +128,7 @@ def test_a_compiler_that_fails_is_named_with_its_first_complaint(cache, tmp_path
     with pytest.raises(BuildError, match=f"the compiler {compiler} failed: out of disk"):
         load_program(SOURCE.format(4))
     assert not list(cache.iterdir())
-    program = compile_circuit("binn_lateral", backend="auto")
+    program = compile_circuit(load_circuit("binn_lateral"), backend="auto")
     assert program.note == f"backend numpy: the compiler {compiler} failed: out of disk"
 
 
@@ -193,7 +194,7 @@ def test_flags_compiler_and_processor_are_part_of_the_key(cache, monkeypatch):
 def test_the_binn_is_built_within_3_s_and_found_again_within_100_ms(cache, monkeypatch):
     monkeypatch.delenv("CIRCUITKIT_CFLAGS")
     build.load_runtime.cache_clear()
-    program = compile_circuit("binn_lateral", backend="numpy")
+    program = compile_circuit(load_circuit("binn_lateral"), backend="numpy")
     times = []
     for _ in range(2):
         start = time.perf_counter()
@@ -209,7 +210,7 @@ def test_the_binn_is_built_within_3_s_and_found_again_within_100_ms(cache, monke
 @pytest.mark.parametrize("text", ["abc", "-1", "0"])
 def test_numbers_of_threads_without_sense_are_passed_over_with_a_warning(monkeypatch, caplog, text):
     monkeypatch.setenv("CIRCUITKIT_THREADS", text)
-    program = compile_circuit("binn_lateral", backend="compiled")
+    program = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
     with caplog.at_level(logging.WARNING, "circuitkit"):
         for _ in range(2):
             assert isinstance(program.new_kernel(1), CompiledKernel)
@@ -222,14 +223,14 @@ def test_a_forked_process_can_use_threads_too(monkeypatch, tmp_path):
     """Worker threads do not follow into a fork; they are made anew."""
     monkeypatch.setenv("CIRCUITKIT_THREADS", "2")
     monkeypatch.setenv("CIRCUITKIT_CFLAGS", "-O1")
-    program = compile_circuit("binn_lateral", backend="compiled")
+    program = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
     inputs = np.random.default_rng(0).normal(size=(5, 100, 2))
     wanted = run(program, inputs).readout
     script = Path(tmp_path) / "fork.py"
     script.write_text(
         "import os, numpy as np\n"
-        "from circuitkit.engine import compile_circuit, run\n"
-        "program = compile_circuit('binn_lateral', backend='compiled')\n"
+        "from circuitkit import compile_circuit, load_circuit, run\n"
+        "program = compile_circuit(load_circuit('binn_lateral'), backend='compiled')\n"
         "inputs = np.random.default_rng(0).normal(size=(5, 100, 2))\n"
         "run(program, inputs)\n"
         "child = os.fork()\n"

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from programs import program_of
 
-from circuitkit.circuit import parse_circuit, resolve
+from circuitkit.circuit import parse_circuit
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.c import source, spikes
@@ -121,7 +121,7 @@ outputs: {y: {unit: "1", readout: {"all[0]": 1}}}
 def network(neuron, weight, synapse):
     """A program of neurons of a kind, each with synapses from some others."""
     text = NETWORK.replace("NEURON", neuron).replace("WEIGHT", weight).replace("SYNAPSE", synapse)
-    return compile_circuit(resolve(parse_circuit(text)), backend="compiled")
+    return compile_circuit(parse_circuit(text), backend="compiled")
 
 
 @pytest.mark.parametrize("synapse", ["delay: 1 ms", "model: exponential, tau: 5 ms", "delay: 0 ms"])

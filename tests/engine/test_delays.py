@@ -3,7 +3,7 @@
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.circuit import memory, parse_circuit, resolve
+from circuitkit.circuit import memory, parse_circuit
 from circuitkit.engine import compile_circuit
 
 CIRCUIT = """\
@@ -33,7 +33,7 @@ outputs: {{y: {{unit: "1", readout: {{ring: 1}}}}}}
 )
 def test_a_delay_that_does_not_fit_into_memory_is_named(monkeypatch, delays, place, steps, need):
     monkeypatch.setattr(memory, "machine_bytes", lambda: 24_000_000_000)
-    graph = resolve(parse_circuit(CIRCUIT.format(*delays), "f.yaml"))
+    graph = parse_circuit(CIRCUIT.format(*delays), "f.yaml")
     with pytest.raises(InputError) as caught:
         compile_circuit(graph)
     assert str(caught.value) == (
@@ -44,7 +44,7 @@ def test_a_delay_that_does_not_fit_into_memory_is_named(monkeypatch, delays, pla
 
 def test_steps_of_a_delay_are_counted_with_32_bits(monkeypatch):
     monkeypatch.setattr(memory, "machine_bytes", lambda: 10**15)
-    graph = resolve(parse_circuit(CIRCUIT.format("2.5e7 s", "1 s", "1 s"), "f.yaml"))
+    graph = parse_circuit(CIRCUIT.format("2.5e7 s", "1 s", "1 s"), "f.yaml")
     with pytest.raises(InputError) as caught:
         compile_circuit(graph)
     assert str(caught.value) == (
@@ -54,5 +54,5 @@ def test_steps_of_a_delay_are_counted_with_32_bits(monkeypatch):
 
 def test_delays_that_fit_are_let_through(monkeypatch):
     monkeypatch.setattr(memory, "machine_bytes", lambda: 24_000_000_000)
-    graph = resolve(parse_circuit(CIRCUIT.format("1 s", "0 s", "2 s"), "f.yaml"))
+    graph = parse_circuit(CIRCUIT.format("1 s", "0 s", "2 s"), "f.yaml")
     assert [found.depth for found in compile_circuit(graph, "numpy").memories] == [100, 1001]

@@ -90,9 +90,8 @@ def test_a_step_allocates_nothing(graph, batch):
 @pytest.mark.parametrize("timing", ["as_printed", "synchronous", "ordered"])
 def test_the_straight_code_of_a_few_neurons_allocates_nothing(timing):
     from circuitkit.circuit.load import load_circuit
-    from circuitkit.circuit.resolve import resolve
 
-    graph = replace(resolve(load_circuit("binn_lateral")), timing=timing)
+    graph = replace(load_circuit("binn_lateral"), timing=timing)
     for batch in (1, 100, 3000):
         stepper = compile_circuit(graph, "numpy", reproducible=False).stepper(batch)
         for _ in range(3):
@@ -295,9 +294,8 @@ def test_without_a_fixed_order_results_agree_to_rounding(circuits, data, batch):
 @pytest.mark.parametrize("timing", ["synchronous", "ordered"])
 def test_without_a_fixed_order_too_nothing_that_is_not_finite_is_returned(batch, value, timing):
     from circuitkit.circuit.load import load_circuit
-    from circuitkit.circuit.resolve import resolve
 
-    graph = replace(resolve(load_circuit("binn_lateral")), timing=timing)
+    graph = replace(load_circuit("binn_lateral"), timing=timing)
     stepper = compile_circuit(graph, "numpy", reproducible=False).stepper(batch)
     inputs = np.zeros((batch, 2))
     stepper.step(inputs)

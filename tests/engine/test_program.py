@@ -107,10 +107,7 @@ def test_an_unknown_precision_is_named_with_those_there_are(graph):
 def test_what_is_no_circuit_is_refused(graph, wrap):
     with pytest.raises(InputError) as error:
         compile_circuit(wrap(compile_circuit(graph, "numpy")))
-    assert str(error.value) == (
-        "circuit: found Program; allowed: a resolved graph, a specification, a path, "
-        "or the name of a shipped circuit"
-    )
+    assert str(error.value) == ("circuit: found Program; allowed: a CircuitGraph, such as load_circuit gives")
 
 
 @pytest.mark.parametrize("seed", [-1, 2**64, 1.5])

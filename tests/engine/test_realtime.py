@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from circuitkit.base.errors import InputError
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit
 from circuitkit.engine.realtime import PERCENTILES, realtime
 
 
 @pytest.fixture(scope="module")
 def program():
-    return compile_circuit("binn_lateral", backend="numpy")
+    return compile_circuit(load_circuit("binn_lateral"), backend="numpy")
 
 
 def test_a_run_takes_its_time_and_counts_its_ticks(program):

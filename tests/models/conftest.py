@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from circuitkit.circuit import parse_circuit, resolve
+from circuitkit.circuit import parse_circuit
 from circuitkit.engine import compile_circuit
 
 Array = npt.NDArray[np.float64]
@@ -43,7 +43,7 @@ def play_circuit(text: str, inputs: npt.ArrayLike) -> Played:
         text: The circuit file.
         inputs: Shape (T,) or (T, n_inputs), [SI].
     """
-    graph = resolve(parse_circuit(text))
+    graph = parse_circuit(text)
     program = compile_circuit(graph, backend="numpy")
     values = np.asarray(inputs, dtype=np.float64).reshape(len(inputs), 1, -1)
     stepper = program.stepper()

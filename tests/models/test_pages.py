@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.circuit import check, load_circuit, parse_circuit, resolve
+from circuitkit.circuit import check, load_circuit, parse_circuit
 from circuitkit.circuit.expressions.expression import FUNCTION_ARITY
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
 from circuitkit.circuit.models.forms import NeuronForm, SynapseForm
@@ -47,14 +47,14 @@ def test_the_index_is_the_present_one(pages):
 def test_the_example_of_a_model_is_sound_uses_it_and_runs(pages, model):
     path = pages.example_of(model)
     assert check(path) == ((), ())
-    graph = resolve(load_circuit(path))
+    graph = load_circuit(path)
     assert model in [each.model for each in (*graph.neurons, *graph.synapses)]
     run(compile_circuit(graph), np.full((20, 1, 1), graph.inputs[0].high))
 
 
 def test_the_own_model_of_the_page_rests_and_fires():
     """FitzHugh's rest at v = -1.1994, w = -0.6243 without a current, and his train of impulses with 0.5."""
-    program = compile_circuit(resolve(parse_circuit(re.search(r"```yaml\n(.*?)```", OWN, re.DOTALL)[1])))
+    program = compile_circuit(parse_circuit(re.search(r"```yaml\n(.*?)```", OWN, re.DOTALL)[1]))
     rest = run(program, np.zeros((400, 1, 1)), states=True)
     np.testing.assert_allclose(rest.states[-1, 0], [-1.1994, -0.6243], atol=1e-4)
     firing = run(program, np.ones((400, 1, 1))).output[200:, 0, 0]
@@ -67,7 +67,7 @@ def test_the_message_of_the_page_is_the_one_that_comes():
     text = re.search(r"```yaml\n(.*?)```", OWN, re.DOTALL)[1].replace("- w + A) / tau", "- w + tau) / tau")
     shown = " ".join(re.search(r"```text\n(.*?)```", OWN, re.DOTALL)[1].split())
     with pytest.raises(InputError) as caught:
-        resolve(parse_circuit(text, "circuit.yaml"))
+        parse_circuit(text, "circuit.yaml")
     assert str(caught.value) == shown
 
 

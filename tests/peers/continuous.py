@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circuitkit.circuit import parse_circuit, resolve
+from circuitkit.circuit import parse_circuit
 from circuitkit.engine import compile_circuit
 
 # Three neurons with continuous time, all connected; strong enough to leave the linear part of their sigmoids.
@@ -49,7 +49,7 @@ def states(text, values, method=None, **overrides):
         method: Takes the place of the method of the neurons' models.
         overrides: Other values for the circuit, such as substeps.
     """
-    graph = resolve(parse_circuit(text), overrides)
+    graph = parse_circuit(text, settings=overrides)
     if method is not None:
         neurons = (replace(each, model=replace(each.model, method=method)) for each in graph.neurons)
         graph = replace(graph, neurons=tuple(neurons))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit, run
 
 TIMINGS = ("as_printed", "synchronous", "ordered")
@@ -16,7 +16,7 @@ FEEDBACK = {("p1", "h1"), ("p2", "h2")}
 
 
 def binn(timing):
-    return replace(resolve(load_circuit("binn_lateral")), timing=timing)
+    return replace(load_circuit("binn_lateral"), timing=timing)
 
 
 def inputs():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of what Brian2 uses
@@ -53,7 +53,7 @@ def test_the_half_centre_swings_alike(brian2):
     pair.x = 0.1
     monitor = brian2.StateMonitor(pair, ["x", "p", "z", "q"], record=True, dt=5 * brian2.ms, when="end")
     brian2.Network(pair, monitor).run(3 * brian2.second)
-    found = trajectory(resolve(load_circuit("matsuoka_half_centre")), np.zeros((300, 1)))
+    found = trajectory(load_circuit("matsuoka_half_centre"), np.zeros((300, 1)))
     names = {"x": "flexor.v", "p": "flexor.adaptation", "z": "extensor.v", "q": "extensor.adaptation"}
     for theirs, ours in names.items():
         np.testing.assert_allclose(found[ours], getattr(monitor, theirs)[0][1::2], rtol=0, atol=1e-9)
@@ -80,7 +80,7 @@ def test_the_ring_remembers_alike(brian2):
     network = brian2.Network(ring, inhibition, around, mean, monitor)
     ring.state_updater.order, inhibition.state_updater.order = 0, 1
     network.run(400 * brian2.ms)
-    found = trajectory(resolve(load_circuit("ring_attractor")), values)
+    found = trajectory(load_circuit("ring_attractor"), values)
     ours = np.stack([found[f"ring[{i}].v"] for i in range(64)])
     np.testing.assert_allclose(ours, monitor.v[:, 9::10], rtol=0, atol=1e-9)
     assert ours[:, -1].argmax() == 0  # where the cue was
@@ -90,7 +90,7 @@ def test_the_ring_remembers_alike(brian2):
 def test_the_balanced_network_fires_alike(brian2):
     """A smaller one, for as long as rounding has not yet made other spikes."""
     sizes = {"excitatory.size": 800, "inhibitory.size": 200}
-    graph = resolve(load_circuit("balanced_network"), sizes)
+    graph = load_circuit("balanced_network", sizes)
     brian2.start_scope()
     dt = 0.5 * brian2.ms
     cells = brian2.NeuronGroup(

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from walking import nao
 
-from circuitkit import parse_circuit, resolve
+from circuitkit import parse_circuit
 from circuitkit.biped.gait import Walk, load_gait, plan_walk
 from circuitkit.simulation.disturbance import Fates, Trial
 from circuitkit.simulation.recording import Recording
@@ -44,7 +44,7 @@ outputs:
 
 def edges():
     """The circuit of these edges."""
-    return resolve(parse_circuit(EDGES, "edges.yaml"))
+    return parse_circuit(EDGES, "edges.yaml")
 
 
 @cache

@@ -12,7 +12,7 @@ from simulate.made_up import EDGES
 from simulate.test_scenario import TEXT
 from walking import a_push, assert_same_bits, fault, nao, plan_of, walk_alone
 
-from circuitkit import parse_circuit, resolve
+from circuitkit import parse_circuit
 from circuitkit.base.errors import InputError
 from circuitkit.base.units import parse_quantity
 from circuitkit.robots import Plant, load_robot
@@ -149,7 +149,7 @@ def test_noise_of_the_com_is_read_in_the_channels_of_the_com_alone():
     text = text.replace("readout: {out: 1 deg}", "readout: {out: 1 deg, c: 0.1 deg, v: 0.1 deg}")
     noise = SensorNoise.model_validate({"com": "2 mm", "com_velocity": "3 cm/s"})
     noisy = plan_of(duration=1.0, sensor_noise=noise)
-    recording = walk_alone(replace(noisy, circuit=resolve(parse_circuit(text, "edges.yaml"))))
+    recording = walk_alone(replace(noisy, circuit=parse_circuit(text, "edges.yaml")))
     for i, (name, deviation) in enumerate((("zmp_y", 0.0), ("com_y", 0.002), ("com_velocity_y", 0.03))):
         read, true = recording.observations[1:, :, i], recording.channel(name)[:-1]
         assert (read - true).std() == pytest.approx(deviation, rel=0.25)
@@ -332,7 +332,7 @@ def test_a_delay_shifts_what_is_read_by_whole_ticks_and_nothing_else():
 @cache
 def idle_reader(text, delay):
     """A run of a circuit that reads noise and commands nothing."""
-    circuit = resolve(parse_circuit(text, "edges.yaml"))
+    circuit = parse_circuit(text, "edges.yaml")
     changes = {"sensor_noise": CHANCE["sensor_noise"], "faults": (fault("LFsrFL", "zero", 0.3, 0.2),)}
     delayed = plan_of(duration=0.8, sensor_delay=parse_quantity(delay).value_si, **changes)
     return walk_alone(replace(delayed, circuit=circuit))

@@ -7,7 +7,7 @@ import pytest
 from simulate.made_up import EDGES, edges, recording
 from walking import a_push, plan_of, scenario
 
-from circuitkit import load_circuit, parse_circuit, resolve
+from circuitkit import load_circuit, parse_circuit
 from circuitkit.base.errors import InputError
 from circuitkit.simulation import judge, threshold_lines
 from circuitkit.simulation.disturbance import Trial
@@ -35,7 +35,7 @@ def test_lines_are_where_neurons_are_half_active():
 
 def test_lines_of_the_papers_network_are_the_edges_of_the_feet():
     """As section 4.2 has it; by force cells these are the outermost and innermost cells."""
-    lines = threshold_lines(resolve(load_circuit("binn_lateral")), THRESHOLDS)
+    lines = threshold_lines(load_circuit("binn_lateral"), THRESHOLDS)
     np.testing.assert_allclose(lines, [[0.0269, 0.0799], [-0.0799, -0.0269], [-0.0799, 0.0799]])
 
 
@@ -167,7 +167,7 @@ def test_weights_that_turn_an_edge_over_keep_it_where_it_is():
         "q2: {model: sigmoid, role: excitatory, slope: -100 /m, shift: 20 mm}",
     )
     text = text.replace("{from: zmp_y, to: q2, weight: 1}", "{from: zmp_y, to: q2, weight: -1}")
-    lines = threshold_lines(resolve(parse_circuit(text)), THRESHOLDS)
+    lines = threshold_lines(parse_circuit(text), THRESHOLDS)
     assert lines[1, 1] == pytest.approx(-0.02)
 
 

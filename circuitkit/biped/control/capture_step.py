@@ -14,7 +14,7 @@ from circuitkit.base.errors import InputError, Problem, listing
 from circuitkit.base.source import FileModel, find_data_file
 from circuitkit.base.source.fields import Metres, Ratio, Seconds
 from circuitkit.base.units import parse_unit
-from circuitkit.circuit import CircuitGraph, load_circuit, resolve
+from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.circuit.load import FOLDER
 from circuitkit.control.circuit import CircuitController
 from circuitkit.control.controller import Array
@@ -95,7 +95,7 @@ class CaptureStepSpec(FileModel):
         Raises:
             InputError: One is missing or wrong, or the one that decides lacks an output.
         """
-        ankles = resolve(load_circuit(self.ankle_circuit))
+        ankles = load_circuit(self.ankle_circuit)
         return {"ankle_circuit": ankles, "hand_over": _deciding(self.hand_over)}
 
     def build(self, reference: WalkReference) -> CaptureStep:
@@ -159,7 +159,7 @@ def _deciding(name: str) -> CircuitGraph:
     Raises:
         InputError: It is missing, wrong, or lacks an output.
     """
-    graph = resolve(load_circuit(name))
+    graph = load_circuit(name)
     given = {node.name for node in graph.outputs}
     if missing := [output for output in HAND_OVER_OUTPUTS if output not in given]:
         message = (

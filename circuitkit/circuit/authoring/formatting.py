@@ -22,9 +22,9 @@ from circuitkit.base.source.rewriting import write_commented
 from circuitkit.base.source.validation import model_at
 from circuitkit.base.units import DIMENSIONLESS, parse_quantity
 from circuitkit.circuit.authoring.difference import compare_circuits
+from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.circuit.load import FOLDER, parse_circuit
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
-from circuitkit.circuit.resolve import resolve
 from circuitkit.circuit.spec import CircuitSpec, FileSpec
 
 WIDTH = 110
@@ -107,11 +107,11 @@ def format_text(text: str, path: str = "<text>") -> str:
     Raises:
         InputError: With every error of the text.
     """
-    data, spec = _read(text, path)
+    data, graph = _read(text, path)
     tree = read_commented(text)
     _Orderer(data).order(tree)
     result = write_commented(tree, WIDTH)
-    if result != text and not _means_the_same(result, tree, data, spec, path):
+    if result != text and not _means_the_same(result, tree, data, graph, path):
         message = (
             f"{path}: the normal form would not mean the same, so the file is left as it is; please report"
         )
@@ -119,7 +119,7 @@ def format_text(text: str, path: str = "<text>") -> str:
     return result
 
 
-def _read(text: str, path: str) -> tuple[dict[str, Data], CircuitSpec | None]:
+def _read(text: str, path: str) -> tuple[dict[str, Data], CircuitGraph | None]:
     """The data of a text without errors, and its circuit; a text without a name is for others to include."""
     document, problems = scan_text(text, path)
     if document is None or problems:
@@ -234,12 +234,14 @@ def _below(node: Collection) -> Iterator[Entry]:
             yield from _below(entry.value)
 
 
-def _means_the_same(after: str, tree: CommentedText, data: Data, spec: CircuitSpec | None, path: str) -> bool:
+def _means_the_same(
+    after: str, tree: CommentedText, data: Data, graph: CircuitGraph | None, path: str
+) -> bool:
     """Whether a new text has the data, the comments and the circuit of the old one."""
     comments = read_commented(after).comments
     if sorted(comments) != sorted(tree.comments) or not _alike(data, parse_yaml(after, path).data):
         return False
-    return spec is None or not compare_circuits(resolve(spec), resolve(parse_circuit(after, path)))
+    return graph is None or not compare_circuits(graph, parse_circuit(after, path))
 
 
 def _alike(one: Data, other: Data) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from circuitkit.circuit import CircuitGraph, load_circuit, resolve
+from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.circuit.graph import Neuron
 from circuitkit.draw import draw_activations
 from circuitkit.draw.responses import function
@@ -41,7 +41,7 @@ _WIDTH, _HEIGHT, _LEFT, _BETWEEN, _TOP, _BOTTOM = 2.6, 1.8, 0.6, 0.5, 0.32, 1.05
 
 def run(job: Job) -> Finding:
     """Draw the curves of the circuit's neurons and those of eq. 12, and check what the text says of them."""
-    graph = resolve(load_circuit(CIRCUIT))
+    graph = load_circuit(CIRCUIT)
     neurons = {neuron.name: neuron for neuron in graph.neurons}
     for suffix in ("png", "pdf"):
         draw_activations(graph, job.folder / f"fig6.{suffix}")

@@ -15,7 +15,7 @@ from itertools import cycle, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.control import Controller, load_controller
 from circuitkit.biped.control.jerk_mpc import JerkMpc
 from circuitkit.biped.control.wieber_mpc import WieberMpcSpec
@@ -82,7 +82,7 @@ def network_steps(circuit: str, backend: str) -> Callable[[int], object]:
     Raises:
         CircuitkitError: This backend does not work here.
     """
-    program = compile_circuit(resolve(load_circuit(circuit)), backend)
+    program = compile_circuit(load_circuit(circuit), backend)
     stepper = program.stepper(1)
     rng = np.random.default_rng(0)
     walk = np.sin(np.linspace(0.0, 40 * math.pi, _ROWS))

@@ -13,12 +13,12 @@ import circuitkit
 from circuitkit.base.errors import CircuitkitError, InputError
 from circuitkit.base.files import OutputError, reason, write_text
 from circuitkit.base.source import dump_yaml, find_data_file
-from circuitkit.circuit import load_circuit, parse_circuit, resolve
+from circuitkit.circuit import load_circuit, parse_circuit, read_circuit
 from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.authoring.flat import flat_document
 from circuitkit.circuit.authoring.formatting import format_text
 from circuitkit.circuit.load import FOLDER
-from circuitkit.circuit.spec import CircuitSpec
+from circuitkit.circuit.parts import Module
 from circuitkit.control.spec import FOLDER as CONTROLLERS
 from circuitkit.study.tuning.cases import in_words
 from circuitkit.study.tuning.objective import Score, Term
@@ -83,20 +83,20 @@ def _circuit_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[s
         ResultError: None of them means what was measured.
     """
     base = find_data_file(tuning.base, FOLDER)
-    spec = load_circuit(base)
-    graph = resolve(spec, values)
+    files, graph = read_circuit(base), load_circuit(base, values)
+    spec = files.spec
     words = f"{spec.description or spec.circuit}, tuned by {tuning.file.study}"
     named = {"circuit": tuning.spec.result, "description": words}
     folders = (base.parent, path.parent)
     ways: Sequence[Callable[[], str]] = (
-        lambda: _including(spec, base, named, values, comment, path.parent),
+        lambda: _including(files, base, named, values, comment, path.parent),
         lambda: changed_circuit(base.read_text(encoding="utf-8"), {**named, **values}, comment, folders),
         lambda: "\n".join([*commented(comment), dump_yaml({**flat_document(graph), **named})]),
     )
     for text in ways:
         try:
             formatted = format_text(text(), str(path))
-            written = resolve(parse_circuit(formatted, str(path)))
+            written = parse_circuit(formatted, str(path))
         except (ElsewhereError, InputError):
             continue
         alike = replace(written, name=graph.name, description=graph.description, parameters=graph.parameters)
@@ -107,7 +107,7 @@ def _circuit_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[s
 
 
 def _including(
-    spec: CircuitSpec,
+    files: Module,
     base: Path,
     named: Mapping[str, str],
     values: Mapping[str, str],
@@ -119,9 +119,9 @@ def _including(
     Raises:
         ElsewhereError: What is tuned is no parameter of these files.
     """
-    own = {name for part in (spec.module.parts if spec.module else ()) for name in part.spec.parameters}
-    if not set(values) <= own:
-        raise ElsewhereError(*(set(values) - own))
+    spec = files.spec
+    if not set(values) <= files.parameter_names:
+        raise ElsewhereError(*(set(values) - files.parameter_names))
     head = [f"# yaml-language-server: $schema={_SCHEMA}", "#"] if (folder / _SCHEMA).is_file() else []
     data: dict[str, Any] = {
         **named,

@@ -12,7 +12,7 @@ from typing import Any
 from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
 from circuitkit.base.source import Data, Place, find_data_file, read_yaml
 from circuitkit.base.units import format_quantity
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.control import CircuitController
 from circuitkit.study.driver import run_points
 from circuitkit.study.jobs import Outcome
@@ -241,7 +241,7 @@ def _own_values(tuning: Tuning) -> dict[str, str]:
         data = read_yaml(find_data_file(tuning.base, FOLDERS[tuning.spec.target])).data
         flat = dict(_flattened(data, ""))
         return {name: flat[name] for name in tuning.spec.parameters if name in flat}
-    graph = resolve(load_circuit(tuning.base))
+    graph = load_circuit(tuning.base)
     own: dict[str, str] = {"timing": graph.timing}
     for name, searched in tuning.spec.parameters.items():
         node, _, key = name.rpartition(".")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.circuit.silencing import silence
 from circuitkit.study import load_study
 from circuitkit.paper.reproduce import ablation, robustness
@@ -114,7 +114,7 @@ NEURONS = ["lf", "bf", "rf", "q1", "q2", "q3", "q4", "h1", "h2", "p1", "p2"]
 
 @pytest.mark.parametrize("name", ["binn_lateral_tuned", "binn_lateral_capture"])
 def test_every_neuron_and_connection_of_the_circuit_is_silenced_in_turn(name):
-    circuit = resolve(load_circuit(name))
+    circuit = load_circuit(name)
     parts = ablation.neurons_of(circuit), ablation.connections_of(circuit)
     study = ablation.with_lesions(load_study("ablation"), name, parts)
     lesions = [value.text for value in study.axes["lesion"]]
@@ -128,7 +128,7 @@ def test_every_neuron_and_connection_of_the_circuit_is_silenced_in_turn(name):
 
 
 def test_a_sum_of_inputs_to_a_neuron_is_one_connection():
-    circuit = resolve(load_circuit("binn_lateral_capture"))
+    circuit = load_circuit("binn_lateral_capture")
     silenced = ablation.connections_of(circuit)["inputs -> q1"]
     assert "com_y -> lateral.q1" in silenced
     assert "com_velocity_y -> lateral.q1" in silenced

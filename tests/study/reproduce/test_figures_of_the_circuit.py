@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.circuit.silencing import silence
 from circuitkit.simulation import load_scenario, make_plan
 from circuitkit.paper.reproduce import fig5, fig6, fig7, fig8, timing
@@ -56,7 +56,7 @@ def test_fig5_the_network_is_that_of_section_4_2(tmp_path):
 
 def test_fig5_tells_a_network_that_is_another():
     """Without lf the right foot's edges count on the left foot; the weights that are left out are zero."""
-    lesioned = silence(resolve(load_circuit("binn_lateral")), ["lf"])
+    lesioned = silence(load_circuit("binn_lateral"), ["lf"])
     answers = settled_answers(lesioned, np.linspace(-0.12, 0.12, 61))
     found = {claim.claim: claim.verdict for claim in fig5._claims(lesioned, answers)}
     assert found["All weights between neurons are 1 (inhibitory: −1)"] is Verdict.FAILS
@@ -73,7 +73,7 @@ def test_fig5_tells_a_network_that_is_another():
 
 def test_answers_are_mirrored():
     """Left and right are the same network: what the left foot does at y, the right foot does at -y."""
-    answers = settled_answers(resolve(load_circuit("binn_lateral")), np.linspace(-0.1, 0.1, 41))
+    answers = settled_answers(load_circuit("binn_lateral"), np.linspace(-0.1, 0.1, 41))
     for one, other in (("p1", "p2"), ("q1", "q4"), ("q2", "q3")):
         np.testing.assert_allclose(
             answers.of(one, "left foot"), answers.of(other, "right foot")[::-1], atol=1e-9

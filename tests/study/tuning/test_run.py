@@ -11,7 +11,7 @@ import pytest
 from small_tuning import written
 
 from circuitkit.circuit import check as check_circuit
-from circuitkit.circuit import load_circuit, resolve
+from circuitkit.circuit import load_circuit
 from circuitkit.circuit.authoring.formatting import format_file
 from circuitkit.control import load_controller
 from circuitkit.study import open_pool
@@ -56,7 +56,7 @@ def test_progress_counts_candidates_up_to_the_test(tuned, steps):
 def test_the_result_is_a_valid_circuit_in_normal_form(tuned):
     assert check_circuit(tuned.path) == ((), ())
     assert not format_file(tuned.path).changes
-    graph = resolve(load_circuit(tuned.path))
+    graph = load_circuit(tuned.path)
     assert graph.name == "small_tuned"
     assert str(graph.parameters["w"]) == tuned.best.settings["w"]
     assert str(graph.parameters["margin"]) == "4 mm"  # the base's
@@ -112,7 +112,7 @@ def test_a_result_means_what_was_measured_whatever_was_tuned(tmp_path, base, val
     text = path.read_text()
     assert "# Found somehow.\n" in text
     assert words in text
-    expected, found = resolve(load_circuit(base), values), resolve(load_circuit(path))
+    expected, found = load_circuit(base, values), load_circuit(path)
     assert found.neurons == expected.neurons or [n.parameters for n in found.neurons] == [
         n.parameters for n in expected.neurons
     ], name
