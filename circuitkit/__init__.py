@@ -6,8 +6,6 @@ Importing this package is light; every name below is imported when it is first u
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -50,40 +48,21 @@ __all__ = [
     "step",
 ]
 
-_ROOMS = {
+_NAMES = {
     "circuit": "CircuitGraph CircuitSpec check circuit_schema load_circuit parse_circuit",
     "draw": "draw_activations draw_circuit draw_traces",
     "engine": "Program State Stepper Trace compile_circuit run step",
-    "simulate": "Recording Scenario compare load_scenario simulate",
+    "simulation": "Recording Scenario compare load_scenario simulate",
 }
-_ROOM_OF_NAME = {name: f"circuitkit.{room}" for room, names in _ROOMS.items() for name in names.split()}
+_PACKAGE_OF = {name: f"{__name__}.{package}" for package, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> object:
-    if name not in _ROOM_OF_NAME:
+    if name not in _PACKAGE_OF:
         message = f"module 'circuitkit' has no attribute '{name}'"
         raise AttributeError(message)
-    return getattr(importlib.import_module(_ROOM_OF_NAME[name]), name)
+    return getattr(importlib.import_module(_PACKAGE_OF[name]), name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_ROOM_OF_NAME})
-
-
-class _CallableRoom(ModuleType):
-    """A room that can be called like the function of the same name in it."""
-
-    def __call__(self, *args: object, **kwargs: object) -> object:
-        return getattr(self, self.__name__.rpartition(".")[2])(*args, **kwargs)
-
-
-class _Package(ModuleType):
-    """Makes `simulate` callable: it is a room and a function, and importing the room hides the function."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if name == "simulate" and isinstance(value, ModuleType):
-            value.__class__ = _CallableRoom
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
+    return sorted({*globals(), *_PACKAGE_OF})
