@@ -1,23 +1,19 @@
-"""Controllers: a neural circuit, and the baselines that it is measured against."""
+"""Controllers: the protocol, neural circuits, no feedback, and files of other kinds."""
 
-from circuitkit.control.circuit import CircuitController
-from circuitkit.control.controller import Controller
+from circuitkit.control.circuit import BoundCircuit, CircuitController
+from circuitkit.control.controller import Array, Controller, Interface, PlannedChannel
 from circuitkit.control.open_loop import OpenLoop
-from circuitkit.biped.control.planned import PlannedChannel, planned_channels
-from circuitkit.biped.control.reference import Body, Footstep, WalkReference, walk_reference
 from circuitkit.control.spec import ControllerSpec, load_controller, shipped_controllers
 
 __all__ = [
-    "Body",
+    "Array",
+    "BoundCircuit",
     "CircuitController",
     "Controller",
     "ControllerSpec",
-    "Footstep",
+    "Interface",
     "OpenLoop",
     "PlannedChannel",
-    "WalkReference",
     "load_controller",
-    "planned_channels",
     "shipped_controllers",
-    "walk_reference",
 ]

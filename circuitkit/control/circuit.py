@@ -1,77 +1,119 @@
-"""A neural circuit as a controller: its inputs are sensor channels, its outputs are commands, by name."""
+"""A neural circuit as a controller: its inputs are channels, its outputs are commands."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit
-from circuitkit.circuit import CircuitGraph
-from circuitkit.control.controller import Array
-from circuitkit.biped.control.planned import PlannedChannel
-from circuitkit.engine import compile_circuit
+from circuitkit.circuit import CircuitGraph, load_circuit
+from circuitkit.circuit.graph import InputNode, OutputNode
+from circuitkit.circuit.silencing import silence
+from circuitkit.control.controller import Array, Interface
+from circuitkit.engine import Program, compile_circuit
 
 
 class CircuitController:
-    """Steps a circuit once a control step.
+    """A circuit that can be bound to a robot; see `BoundCircuit` for what then runs.
 
-    Where a reading is missing (not a number), that robot's circuit is not stepped: its command stays what it
-    was, and the rest of the batch goes on.
+    Attributes:
+        graph: The circuit.
     """
 
     name = "circuit"
 
     def __init__(
         self,
-        graph: CircuitGraph,
-        observations: Mapping[str, Unit],
-        commands: Mapping[str, Unit],
-        step_s: float,
+        circuit: CircuitGraph | str | Path,
+        *,
+        connect: Mapping[str, Mapping[str, str]] | None = None,
+        settings: Mapping[str, str] | None = None,
+        silenced: Sequence[str] = (),
         backend: str = "auto",
-        planned: Mapping[str, PlannedChannel] | None = None,
+        name: str = "circuit",
     ) -> None:
-        """Bind a circuit to a robot.
+        """Load a circuit.
 
         Args:
-            graph: The circuit.
-            observations: Channels of the robot that can be read, with their units.
-            commands: Channels of the robot that can be written, with their units.
-            step_s: The control step of the loop.
+            circuit: The circuit, its file, or the name of a shipped one.
+            connect: `inputs`, the channel that an input reads, and `outputs`, the command that an output
+                writes, where their names differ.
+            settings: Values that take the place of the circuit's, such as `{"w": "2 deg"}`; only for a file.
+            silenced: Neurons, inputs and connections that are silent; see `silence`.
             backend: What runs the circuit; see `compile_circuit`.
-            planned: Channels of the walk's plan, which the circuit may read like the robot's.
+            name: As the user calls it.
 
         Raises:
-            InputError: The robot lacks a channel, its unit is of another dimension, or the control steps
-                differ; lists all that is wrong.
+            InputError: The circuit is wrong or missing.
         """
-        planned = planned or {}
-        readable = {**observations, **{name: channel.unit for name, channel in planned.items()}}
+        graph = circuit if isinstance(circuit, CircuitGraph) else load_circuit(circuit, settings)
+        self.graph = silence(graph, silenced) if silenced else graph
+        self.name = name
+        self._connect = {side: dict((connect or {}).get(side, {})) for side in ("inputs", "outputs")}
+        self._backend = backend
+
+    def bind(self, interface: Interface) -> BoundCircuit:
+        """Compile the circuit, and bind its names to channels and commands.
+
+        Raises:
+            InputError: The robot lacks a channel or command, its unit is of another dimension, the control
+                steps differ, or `connect` names what is not there; lists all that is wrong.
+        """
+        graph, inputs, outputs = self.graph, self._connect["inputs"], self._connect["outputs"]
+        readable = {**interface.observations, **{n: c.unit for n, c in interface.planned.items()}}
         problems = [
-            *_mismatches("input", graph.inputs, readable, "sensor channel"),
-            *_mismatches("output", graph.outputs, commands, "command"),
+            *_strangers("inputs", inputs, graph.inputs),
+            *_strangers("outputs", outputs, graph.outputs),
+            *_mismatches("input", graph.inputs, readable, inputs, "channel"),
+            *_mismatches("output", graph.outputs, interface.commands, outputs, "command"),
+            *_other_step(graph, interface.step_s),
         ]
-        if not math.isclose(graph.step_s, step_s, rel_tol=1e-9):
-            message = (
-                f"found {graph.step_s * 1e3:g} ms; allowed: the control step of the walk, {step_s * 1e3:g} ms"
-            )
-            file = graph.outputs[0].origin.file if graph.outputs else graph.name
-            problems.append(Problem(file, 1, 1, "control_step", message))
         if problems:
             raise InputError(*problems)
+        program = compile_circuit(graph, self._backend, reproducible=True)
+        return BoundCircuit(self.name, graph, program, interface, inputs, outputs)
+
+
+class BoundCircuit:
+    """Steps a circuit once a control step.
+
+    Where a reading is missing (not a number), that robot's circuit is not stepped: its command stays what it
+    was, and the rest of the batch goes on.
+
+    Attributes:
+        graph: The circuit.
+        observations: The channels that its inputs read, without those of the reference.
+        commands: The commands that its outputs write.
+        trace_names: Its neurons.
+        backend: What runs it, and why that.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        graph: CircuitGraph,
+        program: Program,
+        interface: Interface,
+        inputs: Mapping[str, str],
+        outputs: Mapping[str, str],
+    ) -> None:
+        self.name = name
         self.graph = graph
-        names = [node.name for node in graph.inputs]
+        names = [inputs.get(node.name, node.name) for node in graph.inputs]
+        planned = interface.planned
         self.observations = tuple(name for name in names if name not in planned)
         self._sensed = [i for i, name in enumerate(names) if name not in planned]
         self._intended = [i for i, name in enumerate(names) if name in planned]
         columns = [planned[names[i]].values for i in self._intended]
         self._plan = np.column_stack(columns) if columns else None
-        self.commands = tuple(node.name for node in graph.outputs)
-        self._program = compile_circuit(graph, backend, reproducible=True)
-        self.trace_names = tuple(self._program.neuron_names)
-        self.backend = self._program.note or f"backend {self._program.backend}"
+        self.commands = tuple(outputs.get(node.name, node.name) for node in graph.outputs)
+        self._program = program
+        self.trace_names = tuple(program.neuron_names)
+        self.backend = program.note or f"backend {program.backend}"
         self.reset(1)
 
     def reset(self, batch: int) -> None:
@@ -80,19 +122,20 @@ class CircuitController:
         self._stepper = self._program.stepper(batch)
         self._inputs = self._stepper.inputs
 
-    def step(self, observation: Array, trace: Array) -> Array:
-        """Outputs of the circuit, shape (B, m), SI units; its neurons' outputs go to `trace`."""
+    def step(self, observation: Array) -> Array:
+        """Outputs of the circuit, shape (B, m), SI units."""
         # One call for all of it: the sum of squares is finite where every reading is.
         if math.isfinite(np.vdot(observation, observation)):
             self._take(observation)
-            readout = self._stepper.step()
-        else:
-            readout = self._step_where_finite(observation)
-        self._stepper.store_output(trace)
-        return readout
+            return self._stepper.step()
+        return self._step_where_finite(observation)
+
+    def store_trace(self, row: Array) -> None:
+        """Write the outputs of all neurons; shape (B, n)."""
+        self._stepper.store_output(row)
 
     def _take(self, observation: Array) -> None:
-        """What the circuit reads in this step: what is sensed, and what the plan says."""
+        """What the circuit reads in this step: what is sensed, and what the reference says."""
         if self._plan is None:
             self._inputs[...] = observation
             return
@@ -112,19 +155,42 @@ class CircuitController:
         return self._stepper.readout
 
 
-def _mismatches(
-    kind: str, nodes: Iterable[object], channels: Mapping[str, Unit], word: str
+def _strangers(
+    side: str, joined: Mapping[str, str], nodes: Iterable[InputNode | OutputNode]
 ) -> Iterable[Problem]:
-    """What keeps the inputs or outputs of a circuit from being channels of a robot."""
+    """Names in `connect` that the circuit does not have."""
+    names = [node.name for node in nodes]
+    for name in joined:
+        if name not in names:
+            message = f"the circuit has no {side[:-1]} '{name}'; allowed: {listing(names)}"
+            yield Problem("", 0, 0, f"connect.{side}.{name}", message, suggest(name, names))
+
+
+def _mismatches(
+    kind: str,
+    nodes: Iterable[InputNode | OutputNode],
+    channels: Mapping[str, Unit],
+    joined: Mapping[str, str],
+    word: str,
+) -> Iterable[Problem]:
+    """What keeps the inputs or outputs of a circuit from being channels or commands of a robot."""
     for node in nodes:
-        name, unit, origin = node.name, node.unit, node.origin  # type: ignore[attr-defined]  # either node has them
-        where = f"{kind}s.{name}"
-        place = (origin.file, origin.line, origin.column)
+        name, origin = joined.get(node.name, node.name), node.origin
+        place, where = (origin.file, origin.line, origin.column), f"{kind}s.{node.name}"
+        if node.name in joined:
+            place, where = ("", 0, 0), f"connect.{kind}s.{node.name}"
         if name not in channels:
             message = f"the robot has no {word} '{name}'; allowed: {listing(channels)}"
-            yield Problem(*place, where, message, suggest(name, channels))
-        elif unit.dimension != channels[name].dimension:
-            message = (
-                f"found the unit '{unit}'; allowed: the robot's {word} has '{channels[name]}', or like it"
-            )
+            more = "" if node.name in joined else f"connect: {{{kind}s: {{{name}: NAME}}}} in the scenario joins another name"
+            yield Problem(*place, where, message, suggest(name, channels) or more)
+        elif node.unit.dimension != channels[name].dimension:
+            message = f"found the unit '{node.unit}'; allowed: the robot's {word} '{name}' has '{channels[name]}', or like it"
             yield Problem(*place, where, message)
+
+
+def _other_step(graph: CircuitGraph, step_s: float) -> Iterable[Problem]:
+    if not math.isclose(graph.step_s, step_s, rel_tol=1e-9):
+        found = f"found {graph.step_s * 1e3:g} ms"
+        message = f"{found}; allowed: the control step of the run, {step_s * 1e3:g} ms"
+        file = graph.outputs[0].origin.file if graph.outputs else graph.name
+        yield Problem(file, 1, 1, "control_step", message)

@@ -1,39 +1,77 @@
-"""`Controller`: named channels in, named channels out, once a control step, for B robots at once."""
+"""`Controller`: named channels in, named commands out, once a control step, for B robots at once."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from circuitkit.base.units import Unit
+
+Array: TypeAlias = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class PlannedChannel:
+    """Something that a reference knows beforehand.
+
+    Attributes:
+        unit: SI unit.
+        values: One a tick; shape (T,).
+    """
+
+    unit: Unit
+    values: Array
+
+
+@dataclass(frozen=True)
+class Interface:
+    """What a controller may know of a run beforehand.
+
+    Attributes:
+        observations: Channels of the robot that can be read, with their units.
+        commands: Commands of the robot, with their units.
+        step_s: The control step.
+        planned: Channels of the reference.
+        reference: What the reference tells controllers that are made for it; None if nothing.
+    """
+
+    observations: Mapping[str, Unit]
+    commands: Mapping[str, Unit]
+    step_s: float
+    planned: Mapping[str, PlannedChannel] = field(default_factory=dict)
+    reference: Any = None
+
+
+@runtime_checkable
 class Controller(Protocol):
-    """Adds commands to a walk.
+    """Maps channels to commands once a control step.
+
+    A controller may also have `trace_names`, what it records of itself, with `store_trace(row)`, which writes
+    that into an array of shape (B, n); and `bind(interface)`, which is asked once before a run for the
+    controller that runs.
 
     Attributes:
         name: As the user calls it.
         observations: Channels that it reads, in order.
-        commands: Channels that it writes, in order.
-        trace_names: What it records of itself, in order; may be nothing.
+        commands: Commands that it writes, in order.
     """
 
     name: str
     observations: tuple[str, ...]
     commands: tuple[str, ...]
-    trace_names: tuple[str, ...]
 
     def reset(self, batch: int) -> None:
         """Start again, with `batch` robots."""
 
-    def step(self, observation: Array, trace: Array) -> Array:
+    def step(self, observation: Array) -> Array:
         """Commands of this control step.
 
         Args:
             observation: Shape (B, k), SI units; readings that are missing are not numbers.
-            trace: Takes what the controller records of itself, shape (B, n).
 
         Returns:
             Shape (B, m), SI units.

@@ -1,4 +1,4 @@
-"""No feedback: the walk as it was planned, the paper's open loop."""
+"""No feedback: what the reference wants, and nothing else."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from circuitkit.control.controller import Array
 
 
 class OpenLoop:
-    """Adds nothing to the walk."""
+    """Adds nothing to the reference."""
 
     name = "open_loop"
     observations: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
-    trace_names: tuple[str, ...] = ()
 
     def __init__(self) -> None:
         self._nothing = np.zeros((1, 0))
@@ -22,6 +21,6 @@ class OpenLoop:
         """Start again."""
         self._nothing = np.zeros((batch, 0))
 
-    def step(self, observation: Array, trace: Array) -> Array:  # noqa: ARG002 - reads and records nothing
+    def step(self, observation: Array) -> Array:  # noqa: ARG002 - reads nothing
         """No commands; shape (B, 0)."""
         return self._nothing

@@ -2,28 +2,51 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias, get_args
+from typing import ClassVar
 
 from pydantic import ConfigDict, Field, field_validator
 
 from circuitkit.base.errors import UnknownNameError, listing, suggest
-from circuitkit.base.source import Data, FileModel, find_data_file, read_yaml, shipped_names, validate_model
-from circuitkit.biped.control.capture_step import CaptureStepSpec
-from circuitkit.biped.control.dcm_ankle import DcmAnkleSpec
-from circuitkit.biped.control.wieber_mpc import WieberMpcSpec
+from circuitkit.base.registry import Registry
+from circuitkit.base.source import Data, Document, FileModel, find_data_file, read_yaml, shipped_names, validate_model
+from circuitkit.circuit import CircuitGraph
+from circuitkit.control.controller import Controller, Interface
 
 FOLDER = "sims/controllers"
 
-# A new kind is a class with a `kind` and a `build`, and its name in this line.
-ControllerSpec: TypeAlias = DcmAnkleSpec | WieberMpcSpec | CaptureStepSpec
 
-KINDS: Mapping[str, type[ControllerSpec]] = {
-    get_args(spec.model_fields["kind"].annotation)[0]: spec
-    for spec in (get_args(ControllerSpec) or (ControllerSpec,))
-}
+class ControllerSpec(FileModel):
+    """Base of the kinds of controllers that have a file of numbers; a kind names itself in `kind`."""
+
+    kind: ClassVar[str]
+
+    controller: str = Field(description="Name.")
+    description: str = ""
+
+    @property
+    def name(self) -> str:
+        """As the user calls it."""
+        return self.controller
+
+    @abstractmethod
+    def bind(self, interface: Interface) -> Controller:
+        """The controller for a run.
+
+        Raises:
+            InputError: It does not fit the robot or the reference.
+            MissingDependencyError: It needs a package that is an extra.
+        """
+
+    def circuits(self) -> Mapping[str, CircuitGraph]:
+        """The circuits that the file names, by key; none for most kinds."""
+        return {}
+
+
+KINDS: Registry[ControllerSpec] = Registry("controllers", ControllerSpec, "circuitkit.control")
 
 
 class _Kind(FileModel):
@@ -37,9 +60,9 @@ class _Kind(FileModel):
     @field_validator("kind")
     @classmethod
     def _known(cls, kind: str) -> str:
-        if kind not in KINDS:
-            hint = suggest(kind, KINDS)
-            message = f"unknown kind '{kind}'; allowed: {listing(KINDS)}{'; ' if hint else ''}{hint}"
+        if kind not in KINDS.kinds:
+            hint = suggest(kind, KINDS.kinds)
+            message = f"unknown kind '{kind}'; allowed: {listing(KINDS.kinds)}{'; ' if hint else ''}{hint}"
             raise ValueError(message)
         return kind
 
@@ -68,8 +91,15 @@ def load_controller(name_or_path: str | Path, changes: Mapping[str, Data] | None
     document = read_yaml(find_data_file(name_or_path, FOLDER))
     for key, value in (changes or {}).items():
         document = replace(document, data=_changed(document.data, key.split("."), value))
-    kind_of = validate_model(document, _Kind).kind
-    return validate_model(document, KINDS[kind_of])
+    kind_of = KINDS[validate_model(document, _Kind).kind]
+    return validate_model(without_kind(document), kind_of)
+
+
+def without_kind(document: Document) -> Document:
+    """The document without the key `kind`, which the class stands for."""
+    data = document.data
+    kept = {key: value for key, value in data.items() if key != "kind"} if isinstance(data, dict) else data
+    return replace(document, data=kept)
 
 
 def _changed(data: Data, path: list[str], value: Data) -> Data:

@@ -1,28 +1,18 @@
-"""Robots: from an MJCF and a robot file to batches of robots that follow a walk and can be pushed."""
+"""Robots: from an MJCF and a robot file to channels, commands, and batches of robots in MuJoCo."""
 
-from circuitkit.robots.model import RobotModel, build_model
-from circuitkit.robots.mujoco_robot import (
-    MujocoRobot,
-    body_number,
-    command_units,
-    plan_robot_walk,
-    robot_channels,
-)
-from circuitkit.robots.plant import Payload, Plant, Slope
-from circuitkit.robots.spec import RobotSpec, load_robot, shipped_robots
+from circuitkit.robots.channels import Channel, Observer
+from circuitkit.robots.model import Command, RobotModel, build_model
+from circuitkit.robots.spec import Robot, load_robot, shipped_robots
+from circuitkit.robots.worlds import Worlds
 
 __all__ = [
-    "MujocoRobot",
-    "Payload",
-    "Plant",
+    "Channel",
+    "Command",
+    "Observer",
+    "Robot",
     "RobotModel",
-    "RobotSpec",
-    "Slope",
-    "body_number",
+    "Worlds",
     "build_model",
-    "command_units",
     "load_robot",
-    "plan_robot_walk",
-    "robot_channels",
     "shipped_robots",
 ]

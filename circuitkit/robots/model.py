@@ -1,244 +1,416 @@
-"""From a robot file to a MuJoCo model with floor, servos and sensors, whatever the MJCF calls its parts."""
+"""From a robot file to a compiled MuJoCo model, with every name bound to an index."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.base.errors import InputError, Problem, listing, suggest
-from circuitkit.biped.gait import LEG_JOINTS, SIDES
-from circuitkit.robots.plant import Plant
-from circuitkit.biped.sensing import SensorLayout
-from circuitkit.robots.spec import RobotSpec
+from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError, listing, suggest
+from circuitkit.base.units import Unit, parse_quantity, parse_unit
+from circuitkit.circuit.expressions.dimensions import OpenDimension, check_dimension, dimension_of
+from circuitkit.circuit.expressions.expression import Call, Expression
+from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.robots.channels import Array, Channel, Formula
+from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
+from circuitkit.robots.spec import ChannelSpec, Robot
 
-_FLOOR = "floor"
-_CELL_HALF_SIZE = (
-    0.06  # larger than the foot: a cell's volume reaches from the middle of the sole past its edge
-)
-_CELL_HALF_HEIGHT = 0.02
+_HINGE, _SLIDE, _FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """Something of a robot that can be written.
+
+    Attributes:
+        name: Name.
+        unit: The unit in which it is shown; values are in SI units.
+        factors: For each actuator, its control for one SI unit of the command; shape (nu,).
+        limits: The command is clipped to these, [SI]; None without.
+        description: What it does.
+    """
+
+    name: str
+    unit: Unit
+    factors: Array
+    limits: tuple[float, float] | None = None
+    description: str = ""
 
 
 @dataclass(frozen=True)
+class Brought:
+    """What a block of a plug-in brings to a robot.
+
+    Attributes:
+        channels: Further channels.
+        commands: Further commands.
+        body: What the plug-in itself wants to know of the model.
+    """
+
+    channels: Mapping[str, Channel] = field(default_factory=dict)
+    commands: Mapping[str, Command] = field(default_factory=dict)
+    body: Any = None
+
+
+class Prepared(Protocol):
+    """A block that has added its sensors, and waits for the compiled model."""
+
+    def finish(self, robot: RobotModel) -> Brought:
+        """What the block brings; `robot` has no channels and commands of blocks yet."""
+
+
+@dataclass(frozen=True, eq=False)
 class RobotModel:
     """A compiled robot, with every name bound to an index.
 
     Attributes:
-        spec: The robot file.
+        robot: The robot file.
         model: The MuJoCo model.
-        layout: Where in `sensordata` each sensor stands.
-        actuated: Names of the joints that have a servo, in the order of `ctrl`; n of them.
-        qpos_index: Their places in `qpos`; shape (n,).
-        dof_index: Their places in `qvel`; shape (n,).
-        leg_index: Columns of `ctrl` of `LEG_JOINTS`; shape (10,).
-        stiffness: Of the servos as they are simulated, shape (n,), [N m/rad].
-        posture: Angles of all servos when the legs are straight; shape (n,), [rad].
-        torso_id: Body number of the torso.
-        feet_id: Body numbers of the feet, left and right.
+        channels: What can be read.
+        commands: What can be written.
+        start_qpos: Positions at the start; shape (nq,).
+        held: Controls that hold the start, or those of its keyframe; shape (nu,).
+        blocks: What blocks of plug-ins made of the model, by the key of the block.
+        base: Number of the free joint that carries the robot; None if it has none.
+        servo_joints: Joints that have a servo of the robot file, in the order of the MJCF.
     """
 
-    spec: RobotSpec
+    robot: Robot
     model: mujoco.MjModel
-    layout: SensorLayout
-    actuated: tuple[str, ...]
-    qpos_index: NDArray[np.int64]
-    dof_index: NDArray[np.int64]
-    leg_index: NDArray[np.int64]
-    stiffness: NDArray[np.float64]
-    posture: NDArray[np.float64]
-    torso_id: int
-    feet_id: tuple[int, int]
+    channels: Mapping[str, Channel]
+    commands: Mapping[str, Command]
+    start_qpos: Array
+    held: Array
+    blocks: Mapping[str, Any]
+    base: int | None
+    servo_joints: tuple[str, ...] = ()
+
+    @property
+    def channel_units(self) -> dict[str, Unit]:
+        """Unit of each channel."""
+        return {name: channel.unit for name, channel in self.channels.items()}
+
+    @property
+    def command_units(self) -> dict[str, Unit]:
+        """Unit of each command."""
+        return {name: command.unit for name, command in self.commands.items()}
 
     @property
     def mass_kg(self) -> float:
-        """Mass of the robot."""
-        return float(self.model.body_subtreemass[self.torso_id])
+        """Mass of what the base carries, or of everything without a free base."""
+        body = 0 if self.base is None else int(self.model.jnt_bodyid[self.base])
+        return float(self.model.body_subtreemass[body])
+
+    def names(self, kind: str) -> list[str]:
+        """Names of the parts of a kind, such as `body` or `actuator`; parts without one are left out."""
+        counts = {"body": "nbody", "actuator": "nu", "joint": "njnt", "geom": "ngeom", "site": "nsite"}
+        found = [getattr(self.model, kind)(i).name for i in range(getattr(self.model, counts[kind]))]
+        return [name for name in found if name and not (kind == "body" and name == "world")]
+
+    def number(self, kind: str, name: str) -> int:
+        """Number of a part by its name.
+
+        Raises:
+            UnknownNameError: The model has none of this name; lists those it has.
+        """
+        if kind == "body":
+            for block in self.blocks.values():
+                if name in (roles := getattr(block, "body_roles", {})):
+                    return int(roles[name])
+        names = self.names(kind)
+        if name not in names:
+            roles = [role for block in self.blocks.values() for role in getattr(block, "body_roles", {})]
+            raise UnknownNameError(kind, name, [*(roles if kind == "body" else ()), *names])
+        return int(getattr(self.model, kind)(name).id)
+
+    def matching(self, kind: str, pattern: str) -> list[int]:
+        """Numbers of the parts whose names match a pattern with `*`.
+
+        Raises:
+            UnknownNameError: There is none; lists those there are.
+        """
+        found = [int(getattr(self.model, kind)(name).id) for name in self.names(kind) if fnmatchcase(name, pattern)]
+        return found or [self.number(kind, pattern)]
 
 
-def build_model(spec: RobotSpec, plant: Plant | None = None, *, looks: bool = False) -> RobotModel:
-    """Load the MJCF and add floor, servos and sensors.
+def build_model(
+    robot: Robot,
+    changes: Iterable[Callable[[RobotModel], object]] = (),
+    references: Sequence[Call] = (),
+    *,
+    looks: bool = False,
+) -> RobotModel:
+    """Compile a robot.
 
     Args:
-        spec: The robot file.
-        plant: How it differs from that; not at all if None.
+        robot: The robot file.
+        changes: What differs in the compiled model, such as a heavier body; each is called with it.
+        references: Of expressions elsewhere, such as a scenario's measures; each becomes a channel whose name
+            is its text, such as `position(ball, x)`.
         looks: Keep geoms that are only seen; physics is the same to the last bit without them, and faster.
 
     Raises:
         InputError: The MJCF cannot be read, or lacks parts that the robot file names; lists them all.
-        UnknownNameError: The plant loads a body that the MJCF does not have.
     """
-    plant = Plant() if plant is None else plant
-    path = spec.mjcf_path
-    if not path.is_file():
-        raise InputError(Problem(str(path), 1, 1, "mjcf", "no such file; allowed: the path of an MJCF file"))
-    try:
-        mj = mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise InputError(Problem(str(path), 1, 1, "", f"not an MJCF file: {error}")) from error
-    _check_parts(spec, mj)
-    mj.compiler.discardvisual = not looks
-    _take_out(mj)
-    try:
-        _add_floor(mj, spec, plant.friction)
-        servos = _add_servos(mj, spec, plant.servo_stiffness)
-        layout = _add_sensors(mj, spec)
-        model = mj.compile()
-    except ValueError as error:
-        raise InputError(Problem(str(path), 1, 1, "", f"MuJoCo refuses the model: {error}")) from error
-
-    plant.change(model)
-    joints = [model.joint(name) for name in servos]
-    posture = np.zeros(len(joints))
-    for name, angle in spec.posture.items():
-        posture[list(servos).index(name)] = angle
-    return RobotModel(
-        spec=spec,
-        model=model,
-        layout=layout,
-        actuated=tuple(servos),
-        qpos_index=np.array([joint.qposadr[0] for joint in joints]),
-        dof_index=np.array([joint.dofadr[0] for joint in joints]),
-        leg_index=np.array([list(servos).index(spec.joints[role]) for role in LEG_JOINTS]),
-        stiffness=np.array(list(servos.values())),
-        posture=posture,
-        torso_id=model.body(spec.torso).id,
-        feet_id=(model.body(spec.feet.left.body).id, model.body(spec.feet.right.body).id),
-    )
-
-
-def _check_parts(spec: RobotSpec, mj: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
-    """Complain about every part of the robot file that the MJCF does not have, or not as it must be."""
-    hinge, free = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
-    there = {
-        "body": [body.name for body in mj.bodies if body.name != "world"],
-        "hinge": [joint.name for joint in mj.joints if joint.type == hinge],
-        "site": [site.name for site in mj.sites],
-    }
-    wanted = [
-        ("body", spec.torso, "torso"),
-        ("site", spec.imu, "imu"),
-        *(("body", getattr(spec.feet, side).body, f"feet.{side}.body") for side in SIDES),
-        *(("hinge", name, f"joints.{role}") for role, name in spec.joints.items()),
-        *(("hinge", name, f"posture.{name}") for name in spec.posture),
-    ]
-    problems = []
-    for kind, name, where in wanted:
-        if name not in there[kind]:
-            message = f"the MJCF has no {kind} '{name}'; allowed: {listing(there[kind])}"
-            problems.append((where, message, suggest(name, there[kind])))
-    if spec.torso in there["body"] and [j for j in mj.joints if j.type == free] != mj.body(spec.torso).joints:
-        message = f"'{spec.torso}' does not hang from the model's only free joint"
-        problems.append(("torso", f"{message}; allowed: the body that does", ""))
-    for side in SIDES:
-        name = getattr(spec.feet, side).body
-        if name in there["body"] and not _soles(mj, name):
-            message = f"'{name}' has no geom that can touch the ground; allowed: a body with a sole"
-            problems.append((f"feet.{side}.body", message, ""))
+    mj = _read(robot)
+    sensors = Sensors(mj)
+    problems: list[Problem] = []
+    if robot.timestep is not None:
+        mj.option.timestep = robot.timestep
+    servos = _add_servos(mj, robot, problems)
+    prepared = {kind: block.prepare(mj, robot) for kind, block in robot.given_blocks.items()}
+    bound = _bind_channels(robot, sensors, problems)
+    bound |= _bind_references(references, sensors)
     if problems:
-        raise InputError(*(Problem(str(spec.mjcf_path), 1, 1, *problem) for problem in problems))
-
-
-def _soles(mj: Any, foot: str) -> list[Any]:  # noqa: ANN401 - MjSpec is not typed
-    """The geoms of a foot that collide."""
-    return [geom for geom in mj.body(foot).geoms if geom.contype or geom.conaffinity]
-
-
-def _take_out(mj: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
-    """Remove what is added afresh: servos, sensors, floor; and keyframes, which hold targets of servos."""
-    floors = [geom for geom in mj.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
-    for part in (*mj.actuators, *mj.sensors, *mj.keys, *floors):
-        mj.delete(part)
-
-
-def _add_floor(mj: Any, spec: RobotSpec, friction: float | None) -> None:  # noqa: ANN401 - MjSpec is not typed
-    """A plane that only the robot's colliding geoms touch; their friction is the floor's as well."""
-    soles = [geom for side in SIDES for geom in _soles(mj, getattr(spec.feet, side).body)]
-    sliding = float(soles[0].friction[0]) if friction is None else friction
-    for sole in soles:
-        sole.friction[0] = sliding
-    floor = mj.worldbody.add_geom(name=_FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1])
-    floor.friction[0] = sliding
-    floor.condim = 3
-    floor.contype, floor.conaffinity = 1, 1
-    for sole in soles:
-        sole.contype, sole.conaffinity = 0, 1
-
-
-def _add_servos(mj: Any, spec: RobotSpec, factor: float) -> dict[str, float]:  # noqa: ANN401 - MjSpec is not typed
-    """A position servo for every hinge, `factor` times as stiff as in the profile; returns how stiff."""
-    profile = spec.servo_profiles[spec.servo_profile]
-    servos = {}
-    for joint in mj.joints:
-        if joint.type != mujoco.mjtJoint.mjJNT_HINGE:
-            continue
-        servo = next((s for s in profile if any(fnmatchcase(joint.name, p) for p in s.joints)), None)
-        if servo is None:
-            where = f"servo_profiles.{spec.servo_profile}"
-            message = f"no servo for the joint '{joint.name}'; allowed: patterns that match every joint"
-            raise InputError(Problem(str(spec.mjcf_path), 1, 1, where, message))
-        actuator = mj.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        actuator.set_to_position(kp=servo.stiffness * factor, kv=servo.damping)
-        actuator.forcelimited = True
-        actuator.forcerange = [-servo.torque, servo.torque]
-        servos[joint.name] = servo.stiffness * factor
-    return servos
-
-
-def _add_sensors(mj: Any, spec: RobotSpec) -> SensorLayout:  # noqa: ANN401 - MjSpec is not typed
-    """Force cells, contact wrenches, CoM, IMU and joints, in the order in which `SensorLayout` reads them."""
-    sensor, kind = mj.add_sensor, mujoco.mjtSensor
-    body, site = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
-    cells: list[str] = []
-    for side in SIDES:
-        foot = getattr(spec.feet, side)
-        cells += foot.cells
-        _add_cells(mj, foot, spec.legs.ankle_height)
-    for name in cells:
-        sensor(name=name, type=kind.mjSENS_TOUCH, objtype=site, objname=name)
-    for side in SIDES:
-        wrench = sensor(
-            name=f"{side}_wrench", type=kind.mjSENS_CONTACT,
-            objtype=mujoco.mjtObj.mjOBJ_GEOM, objname=_FLOOR,
-            reftype=body, refname=getattr(spec.feet, side).body,
+        raise InputError(*problems)
+    sees = any(sensor.type == mujoco.mjtSensor.mjSENS_RANGEFINDER for sensor in mj.sensors)
+    mj.compiler.discardvisual = not (looks or sees or len(mj.cameras) > 0)
+    model = _compiled(mj, robot)
+    start, held = _start(robot, model, servos, problems)
+    channels = {name: _channel(name, parts, model) for name, parts in bound.items()}
+    commands = _commands(robot, model, problems)
+    if problems:
+        raise InputError(*problems)
+    made = RobotModel(robot, model, channels, commands, start, held, {}, _base(model), tuple(servos))
+    for kind, block in prepared.items():
+        brought = block.finish(made)
+        made = RobotModel(
+            robot, model, {**brought.channels, **made.channels}, {**brought.commands, **made.commands},
+            start, held, {**made.blocks, kind: brought.body}, made.base, made.servo_joints,
         )  # fmt: skip
-        data = mujoco.mjtConDataField
-        wanted = (data.mjCONDATA_FORCE, data.mjCONDATA_TORQUE, data.mjCONDATA_POS)
-        wrench.intprm[:3] = [sum(1 << int(field) for field in wanted), _NET_FORCE, 1]
-    sensor(name="com", type=kind.mjSENS_SUBTREECOM, objtype=body, objname=spec.torso)
-    sensor(name="com_velocity", type=kind.mjSENS_SUBTREELINVEL, objtype=body, objname=spec.torso)
-    sensor(name="gyro", type=kind.mjSENS_GYRO, objtype=site, objname=spec.imu)
-    sensor(name="accelerometer", type=kind.mjSENS_ACCELEROMETER, objtype=site, objname=spec.imu)
-    # XBODY is the body's own frame; BODY would be that of its principal axes of inertia.
-    frame = mujoco.mjtObj.mjOBJ_XBODY
-    sensor(name="torso_up", type=kind.mjSENS_FRAMEZAXIS, objtype=frame, objname=spec.torso)
-    for name in (spec.torso, spec.feet.left.body, spec.feet.right.body):
-        sensor(name=f"{name}_position", type=kind.mjSENS_FRAMEPOS, objtype=frame, objname=name)
-    for role in LEG_JOINTS:
-        joint = spec.joints[role]
-        sensor(
-            name=f"{joint}_angle", type=kind.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=joint
-        )
-    return SensorLayout(cells=tuple(cells))
+    for change in changes:
+        change(made)
+    return made
 
 
-# Third entry of mjtContactReduce; the sensor then gives one wrench for all contacts of the foot.
-_NET_FORCE = 3
+def _read(robot: Robot) -> Any:  # noqa: ANN401 - MjSpec is not typed
+    path = robot.mjcf_path
+    if not path.is_file():
+        message = f"no such file '{path}'; allowed: the path of an MJCF file, from the folder of the robot file"
+        raise InputError(robot.problem(("mjcf",), message))
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise InputError(Problem(str(path), 1, 1, "", f"not an MJCF file: {_one_line(error)}")) from error
 
 
-def _add_cells(mj: Any, foot: Any, ankle_height_m: float) -> None:  # noqa: ANN401 - MjSpec is not typed
-    """The four cells of a foot share its sole: each takes the contacts of its own quarter."""
-    positions = np.array(list(foot.cells.values()))
-    middle = positions.mean(axis=0)
-    for name, position in zip(foot.cells, positions, strict=True):
-        quarter = middle + np.sign(position - middle) * _CELL_HALF_SIZE
-        mj.body(foot.body).add_site(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[_CELL_HALF_SIZE, _CELL_HALF_SIZE, _CELL_HALF_HEIGHT],
-            pos=[*quarter, -ankle_height_m],
-            group=4,
-        )
+def _compiled(mj: Any, robot: Robot) -> mujoco.MjModel:  # noqa: ANN401 - as above
+    try:
+        return mj.compile()
+    except ValueError as error:
+        message = f"MuJoCo refuses the model: {_one_line(error)}"
+        raise InputError(Problem(str(robot.mjcf_path), 1, 1, "", message)) from error
+
+
+def _one_line(error: Exception) -> str:
+    return "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
+
+
+def _base(model: mujoco.MjModel) -> int | None:
+    """The free joint with the heaviest load: loose objects weigh less than a robot."""
+    free = [i for i in range(model.njnt) if model.jnt_type[i] == _FREE]
+    return max(free, key=lambda i: float(model.body_subtreemass[model.jnt_bodyid[i]]), default=None)
+
+
+def _add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, float]:  # noqa: ANN401 - as above
+    """Put a position servo in the place of the actuators of every joint that the robot file gives one.
+
+    Returns:
+        Stiffness by joint.
+    """
+    wanted = robot.servos_in_use
+    if not wanted:
+        return {}
+    hinges = [joint for joint in mj.joints if joint.type in {_HINGE, _SLIDE}]
+    chosen: dict[str, Any] = {}
+    for joint in hinges:
+        servo = next((s for s in wanted if any(fnmatchcase(joint.name, p) for p in s.joints)), None)
+        if servo is not None and joint.name:
+            chosen[joint.name] = servo
+    names = [joint.name for joint in hinges]
+    for i, servo in enumerate(wanted):
+        for pattern in servo.joints:
+            if not any(fnmatchcase(name, pattern) for name in names):
+                where = ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
+                message = f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern with *"
+                problems.append(robot.problem((*where, "joints"), message, suggest(pattern, names)))
+    for actuator in list(mj.actuators):
+        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target in chosen:
+            mj.delete(actuator)
+    taken = {actuator.name for actuator in mj.actuators}
+    for name, servo in chosen.items():
+        own = name if name not in taken else f"{name} servo"
+        actuator = mj.add_actuator(name=own, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
+        actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE  # whatever the MJCF's defaults say
+        actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        actuator.forcerange = [-servo.torque, servo.torque]
+    for key in mj.keys:
+        key.ctrl = []  # it was for the actuators of the MJCF; servos hold the keyframe's positions
+    return {name: servo.stiffness for name, servo in chosen.items()}
+
+
+@dataclass(frozen=True)
+class _Bound:
+    """A channel whose sensors are named, before the model is compiled."""
+
+    unit: Unit
+    expression: Expression
+    description: str = ""
+    range: tuple[float, float] | None = None
+
+
+def _bind_channels(robot: Robot, sensors: Sensors, problems: list[Problem]) -> dict[str, _Bound]:
+    found = {}
+    for name, spec in robot.channels.items():
+        try:
+            found[name] = _bound(spec, sensors)
+        except ExpressionError as error:
+            where = ("channels", name, "is")
+            problems.append(robot.problem(where, str(error), offset=error.offset))
+    return found
+
+
+def _bound(spec: ChannelSpec, sensors: Sensors) -> _Bound:
+    unit = parse_unit(spec.unit)
+    tree = parse_expression(spec.expression, (), units=True, references=ARITIES)
+    dimensions: dict[str, OpenDimension] = {}
+    shown, value = bind(tree, sensors, dimensions)
+    check_dimension(shown, dimensions, OpenDimension(unit.dimension))
+    return _Bound(unit, value, spec.description, spec.pair("range"))
+
+
+def _bind_references(references: Sequence[Call], sensors: Sensors) -> dict[str, _Bound]:
+    found = {}
+    for call in references:
+        dimensions: dict[str, OpenDimension] = {}
+        shown, value = bind(call, sensors, dimensions)
+        dimension = dimension_of(shown, dimensions)
+        unit = parse_unit("1") if dimension is None else dimension.fixed.si_unit
+        found[str(call)] = _Bound(unit, value)
+    return found
+
+
+def _channel(name: str, parts: _Bound, model: mujoco.MjModel) -> Channel:
+    columns = {column: column_index(model, column) for column in parts.expression.names()}
+    return Channel(name, parts.unit, Formula(parts.expression, columns), parts.description, parts.range)
+
+
+def _commands(robot: Robot, model: mujoco.MjModel, problems: list[Problem]) -> dict[str, Command]:
+    actuators = [model.actuator(i).name for i in range(model.nu)]
+    found = {}
+    for name, spec in robot.commands.items():
+        factors = np.zeros(model.nu)
+        for actuator, factor in spec.to.items():
+            if actuator in actuators:
+                factors[actuators.index(actuator)] = factor
+            else:
+                message = f"the robot has no actuator '{actuator}'; allowed: {listing(actuators)}"
+                where = ("commands", name, "to", actuator)
+                problems.append(robot.problem(where, message, suggest(actuator, actuators)))
+        found[name] = Command(name, parse_unit(spec.unit), factors, spec.pair("limits"), spec.description)
+    return found
+
+
+def _start(
+    robot: Robot, model: mujoco.MjModel, servos: Mapping[str, float], problems: list[Problem]
+) -> tuple[Array, Array]:
+    """Positions at the start, and the controls that hold them."""
+    qpos, ctrl = model.qpos0.copy(), np.zeros(model.nu)
+    if robot.key is not None:
+        keys = [model.key(i).name for i in range(model.nkey)]
+        if robot.key in keys:
+            qpos, ctrl = model.key(robot.key).qpos.copy(), model.key(robot.key).ctrl.copy()
+        else:
+            message = f"the MJCF has no keyframe '{robot.key}'; allowed: {listing(keys)}"
+            problems.append(robot.problem(("key",), message, suggest(robot.key, keys)))
+    held = hold_joints(model, robot.hold, qpos, ctrl, lambda name, *m: problems.append(robot.problem(("hold", name), *m)))
+    held |= {int(model.joint(name).id) for name in servos}
+    _aim(model, held, qpos, ctrl)
+    return qpos, ctrl
+
+
+def _aim(model: mujoco.MjModel, joints: Iterable[int], qpos: Array, ctrl: Array) -> None:
+    """Give the position actuators of some joints the joint's position as target; changes `ctrl` in place."""
+    chosen = set(joints)
+    for i in range(model.nu):
+        joint = int(model.actuator_trnid[i, 0])
+        of_joint = model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
+        if of_joint and joint in chosen and drives_position(model, i):
+            ctrl[i] = qpos[model.jnt_qposadr[joint]] * model.actuator_gear[i, 0]
+
+
+def hold_at(robot: RobotModel, qpos: Array, ctrl: Array) -> Array:
+    """The controls of a keyframe; servos that the robot file brings get its positions. Shape (nu,)."""
+    held = ctrl.copy()
+    if robot.robot.servos_in_use:
+        of_servos = [int(robot.model.joint(name).id) for name in robot.servo_joints]
+        _aim(robot.model, of_servos, qpos, held)
+    return held
+
+
+def hold_joints(
+    model: mujoco.MjModel,
+    hold: Mapping[str, str],
+    qpos: Array,
+    ctrl: Array,
+    complain: Callable[..., object],
+) -> set[int]:
+    """Put joints where they shall be held; position actuators that drive them get the target.
+
+    Args:
+        model: The model.
+        hold: Angle or position by joint, as text with unit.
+        qpos: Positions, changed in place; shape (nq,).
+        ctrl: Controls, changed in place; shape (nu,).
+        complain: Is told the joint, a message and a hint for each that cannot be held.
+
+    Returns:
+        Numbers of the joints.
+    """
+    names = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] in {_HINGE, _SLIDE}]
+    numbers = set()
+    for name, text in hold.items():
+        if name not in names:
+            complain(name, f"the MJCF has no hinge or slide '{name}'; allowed: {listing(names)}", suggest(name, names))
+            continue
+        joint = int(model.joint(name).id)
+        unit = parse_unit("rad" if model.jnt_type[joint] == _HINGE else "m")
+        quantity = parse_quantity(text)
+        if quantity.dimension != unit.dimension:
+            complain(name, f"found '{text}'; allowed: a quantity in {unit} or like it")
+            continue
+        qpos[model.jnt_qposadr[joint]] = quantity.value_si
+        numbers.add(joint)
+    _aim(model, numbers, qpos, ctrl)
+    return numbers
+
+
+def drives_position(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator's control is a position: force = k (control - length) and damping."""
+    gain, bias = float(model.actuator_gainprm[actuator, 0]), float(model.actuator_biasprm[actuator, 1])
+    affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+    return bool(affine and gain > 0 and abs(gain + bias) <= 1e-9 * gain)
+
+
+def servo_numbers(robot: RobotModel, joints: Sequence[str]) -> NDArray[np.int64]:
+    """Numbers of the position actuators of joints, one each; shape (n,).
+
+    Raises:
+        UnknownNameError: A joint has none; lists those that have.
+    """
+    model = robot.model
+    of_joint = {}
+    for i in range(model.nu):
+        if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT and drives_position(model, i):
+            of_joint.setdefault(model.joint(int(model.actuator_trnid[i, 0])).name, i)
+    for name in joints:
+        if name not in of_joint:
+            kind = "joint with a position servo"
+            raise UnknownNameError(kind, name, of_joint)
+    return np.array([of_joint[name] for name in joints], dtype=np.int64)

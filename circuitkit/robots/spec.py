@@ -1,163 +1,184 @@
-"""The robot file: which names of an MJCF are feet, joints and sensors, and how strong the servos are."""
+"""The robot file: an MJCF with named channels, which can be read, and commands, which can be written."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Protocol
 
-from pydantic import BeforeValidator, Field, PrivateAttr, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PrivateAttr, create_model, model_validator
 
-from circuitkit.base.errors import UnknownNameError, listing, suggest
-from circuitkit.base.source import FileModel, read_yaml, validate_model
-from circuitkit.base.source.fields import Damping, Metres, NewtonMetres, Newtons, Radians, Stiffness
-from circuitkit.biped.gait import LEG_JOINTS, LegGeometry
+from circuitkit.base.errors import Problem, UnitError, UnknownNameError
+from circuitkit.base.registry import Registry
+from circuitkit.base.source import Document, FileModel, Place, data_folder, describe, read_yaml, validate_model
+from circuitkit.base.source.fields import Damping, NewtonMetres, Seconds, Stiffness
+from circuitkit.base.units import parse_quantity, parse_unit
 
-_HERE = Path(__file__).parent
+FOLDER = "robots"
 FILE_NAME = "robot.yaml"
 
-Pair = Annotated[
-    tuple[Metres, Metres], BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-]
+
+def _unit(text: str) -> str:
+    try:
+        parse_unit(text)
+    except UnitError as error:
+        raise ValueError(str(error)) from error
+    return text
 
 
-class Sole(FileModel):
-    """Extent of a sole from its ankle."""
+def _quantity(value: object) -> object:
+    """A quantity of any dimension that stays as it was written."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        message = f"found {describe(value)}; allowed: a quantity such as '8 rad/s' or 0.5"
+        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
+    try:
+        parse_quantity(str(value))
+    except UnitError as error:
+        raise ValueError(str(error)) from error
+    return str(value)
 
-    back: Metres
-    front: Metres
-    right: Metres
-    left: Metres
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Sole:
-        for low, high in (("back", "front"), ("right", "left")):
-            found = getattr(self, low), getattr(self, high)
-            if found[0] >= found[1]:
-                numbers = f"found {low} {found[0]:g} and {high} {found[1]:g}"
-                message = f"{numbers}; allowed: {low} before {high}"
+UnitText = Annotated[str, AfterValidator(_unit)]
+AnyQuantity = Annotated[str, BeforeValidator(_quantity)]
+
+
+class _WithUnit(FileModel):
+    """Something with a unit, and two values in it."""
+
+    unit: UnitText = Field(description="Unit, such as rad/s.")
+    description: str = ""
+
+    def pair(self, name: str) -> tuple[float, float] | None:
+        """Both ends of a range or of limits, [SI]."""
+        ends = getattr(self, name)
+        return None if ends is None else (parse_quantity(ends[0]).value_si, parse_quantity(ends[1]).value_si)
+
+    def _require_pair(self, name: str) -> None:
+        ends = self.pair(name)
+        if ends is None:
+            return
+        texts = getattr(self, name)
+        for text in texts:
+            if (found := parse_quantity(text)).dimension != parse_unit(self.unit).dimension:
+                message = f"{name}: found '{text}', which is {found.dimension}; allowed: a quantity in {self.unit}"
                 raise ValueError(message)
-        return self
+        if not ends[0] < ends[1]:
+            message = f"{name}: found {texts[0]} and {texts[1]}; allowed: the lower end first"
+            raise ValueError(message)
 
 
-class Foot(FileModel):
-    """One foot."""
+class ChannelSpec(_WithUnit):
+    """A channel: something of the robot that can be read."""
 
-    body: str = Field(description="Body of the foot in the MJCF; its frame sits in the ankle.")
-    sole: Sole = Field(description="Extent of the sole, for the support polygon.")
-    cells: Mapping[str, Pair] = Field(
-        min_length=4, max_length=4, description="The four force sensors: forward and left of the ankle."
+    model_config = ConfigDict(populate_by_name=True)
+
+    expression: str = Field(alias="is", description="Expression over the MJCF's parts, such as sensor(eye_left).")
+    range: tuple[AnyQuantity, AnyQuantity] | None = Field(
+        default=None, description="What the sensor can show; readings are clipped to it."
     )
 
-
-class Feet(FileModel):
-    """Both feet."""
-
-    left: Foot
-    right: Foot
-
     @model_validator(mode="after")
-    def _own_cells(self) -> Feet:
-        for name in self.left.cells:
-            if name in self.right.cells:
-                message = f"the cell '{name}' is in both feet; allowed: names of their own"
-                raise ValueError(message)
+    def _ordered(self) -> ChannelSpec:
+        self._require_pair("range")
         return self
 
 
-class Legs(FileModel):
-    """Lengths of the legs."""
+class CommandSpec(_WithUnit):
+    """A command: something of the robot that can be written."""
 
-    thigh: Metres = Field(gt=0)
-    tibia: Metres = Field(gt=0)
-    ankle_height: Metres = Field(gt=0)
-    hip_offset_y: Metres = Field(gt=0)
-    hip_offset_z: Metres = Field(ge=0)
-
-    def geometry(self) -> LegGeometry:
-        """The same, as the walking pattern wants it."""
-        return LegGeometry(self.thigh, self.tibia, self.ankle_height, self.hip_offset_y, self.hip_offset_z)
-
-
-class ForceCells(FileModel):
-    """What the force cells can measure."""
-
-    range: tuple[Newtons, Newtons] = Field(description="Readings are clipped to this.")
+    to: Mapping[str, float] = Field(
+        min_length=1, description="Factor for each actuator: control = what is held + factor * SI value."
+    )
+    limits: tuple[AnyQuantity, AnyQuantity] | None = Field(
+        default=None, description="The command is clipped to these."
+    )
 
     @model_validator(mode="after")
-    def _ordered(self) -> ForceCells:
-        low, high = self.range
-        if low >= high:
-            message = f"found a range from {low:g} to {high:g}; allowed: the lower end first"
-            raise ValueError(message)
+    def _ordered(self) -> CommandSpec:
+        self._require_pair("limits")
         return self
 
 
 class Servo(FileModel):
     """A position servo: torque = stiffness (target - angle) - damping * velocity, within +- torque."""
 
-    joints: tuple[str, ...] = Field(
-        min_length=1, description="Names of joints, or beginnings or ends with a *."
-    )
+    joints: tuple[str, ...] = Field(min_length=1, description="Names of joints, or beginnings or ends with a *.")
     stiffness: Stiffness = Field(gt=0)
     damping: Damping = Field(ge=0)
     torque: NewtonMetres = Field(gt=0, description="Largest torque.")
 
 
-class Command(FileModel):
-    """A channel that controllers write: an angle that is added to the walk's joints."""
+class RobotBlock(Protocol):
+    """A block of a robot file that a plug-in reads, such as one for legged machines.
 
-    description: str = ""
-    unit: Literal["deg", "rad"] = "deg"
-    joints: Mapping[str, float] = Field(min_length=1, description="Factor for each joint of the legs.")
+    Attributes:
+        kind: The key of the block.
+    """
 
-    @field_validator("joints")
-    @classmethod
-    def _known(cls, joints: Mapping[str, float]) -> Mapping[str, float]:
-        for name in joints:
-            if name not in LEG_JOINTS:
-                hint = suggest(name, LEG_JOINTS)
-                message = (
-                    f"unknown joint '{name}'; allowed: {listing(LEG_JOINTS)}{'; ' if hint else ''}{hint}"
-                )
-                raise ValueError(message)
-        return joints
+    kind: ClassVar[str]
+
+    def prepare(self, mj: Any, robot: Robot) -> Any:  # noqa: ANN401 - MjSpec is not typed
+        """Check the MJCF, and add sensors to the model.
+
+        Args:
+            mj: The MjSpec, to which it may add.
+            robot: The robot file.
+
+        Returns:
+            What has `finish(model)`, which gives what the block brings once the model is compiled; see
+            `RobotModel.blocks`.
+        """
 
 
-class RobotSpec(FileModel):
-    """A robot in MuJoCo."""
+class BlockSpec(FileModel):
+    """Base of the blocks of plug-ins."""
+
+
+blocks: Registry[Any] = Registry("robot_blocks", BlockSpec)
+
+
+class Robot(FileModel):
+    """A robot: an MJCF as its author wrote it, with channels and commands.
+
+    Blocks of plug-ins, such as `biped`, are further keys; see `robot_class`.
+    """
 
     robot: str = Field(description="Name.")
     description: str = ""
-    mjcf: str = Field(description="The model file, beside this one.")
-    torso: str = Field(description="Body that carries the head and hangs from the free joint.")
-    imu: str = Field(description="Site of the inertial measurement unit.")
-    feet: Feet
-    legs: Legs
-    joints: Mapping[str, str] = Field(description="Name in the MJCF of each joint of the legs.")
-    posture: Mapping[str, Radians] = Field(
-        default={}, description="Angles of other joints, by their MJCF name."
+    mjcf: str = Field(description="The model file, beside this one; nothing in it is changed.")
+    timestep: Seconds | None = Field(default=None, gt=0, description="In the place of the MJCF's own.")
+    key: str | None = Field(default=None, description="Keyframe to start from.")
+    hold: Mapping[str, AnyQuantity] = Field(
+        default={}, description="Angle or position of joints, at the start and as target of their servos."
     )
-    force_cells: ForceCells
-    servo_profile: str = Field(description="The profile in use.")
-    servo_profiles: Mapping[str, tuple[Servo, ...]] = Field(min_length=1)
-    commands: Mapping[str, Command]
+    servos: tuple[Servo, ...] | Mapping[str, tuple[Servo, ...]] = Field(
+        default=(), description="Position servos in the place of the MJCF's actuators; or sets of them by name."
+    )
+    servo_profile: str | None = Field(default=None, description="The set of servos in use.")
+    channels: Mapping[str, ChannelSpec] = Field(default={}, description="What can be read.")
+    commands: Mapping[str, CommandSpec] = Field(default={}, description="What can be written.")
 
-    _folder: Path = PrivateAttr(default=_HERE)
+    _document: Document = PrivateAttr(default=Document("", None, {}))
 
     @model_validator(mode="after")
-    def _complete(self) -> RobotSpec:
-        if missing := [name for name in LEG_JOINTS if name not in self.joints]:
-            message = f"joints: missing {listing(missing)}; required: {listing(LEG_JOINTS)}"
-            raise ValueError(message)
-        if unknown := [name for name in self.joints if name not in LEG_JOINTS]:
-            message = f"joints: unknown '{unknown[0]}'; allowed: {listing(LEG_JOINTS)}"
-            raise ValueError(message)
-        if self.servo_profile not in self.servo_profiles:
-            raise ValueError(str(self._unknown_profile(self.servo_profile)))
+    def _known_profile(self) -> Robot:
+        if isinstance(self.servos, Mapping):
+            if self.servo_profile is None and len(self.servos) != 1:
+                message = f"servo_profile is missing; allowed: {', '.join(self.servos)}"
+                raise ValueError(message)
+            if self.servo_profile is not None and self.servo_profile not in self.servos:
+                raise ValueError(str(self._unknown_profile(self.servo_profile)))
         return self
 
-    def with_servos(self, profile: str | None) -> RobotSpec:
+    @property
+    def servos_in_use(self) -> tuple[Servo, ...]:
+        """The servos of the profile in use."""
+        if isinstance(self.servos, Mapping):
+            return self.servos[self.servo_profile or next(iter(self.servos))]
+        return self.servos
+
+    def with_servos(self, profile: str | None) -> Robot:
         """The same robot with another servo profile; with its own if None.
 
         Raises:
@@ -165,25 +186,69 @@ class RobotSpec(FileModel):
         """
         if profile is None:
             return self
-        if profile not in self.servo_profiles:
+        if not isinstance(self.servos, Mapping) or profile not in self.servos:
             raise self._unknown_profile(profile)
         return self.model_copy(update={"servo_profile": profile})
 
     def _unknown_profile(self, name: str) -> UnknownNameError:
-        return UnknownNameError("servo profile", name, self.servo_profiles)
+        return UnknownNameError("servo profile", name, self.servos if isinstance(self.servos, Mapping) else ())
+
+    @property
+    def folder(self) -> Path:
+        """Where its file lies."""
+        return Path(self._document.path).parent
 
     @property
     def mjcf_path(self) -> Path:
         """Where the model file lies."""
-        return self._folder / self.mjcf
+        return self.folder / self.mjcf
+
+    def problem(self, place: Place, message: str, hint: str = "", *, offset: int | None = None) -> Problem:
+        """A complaint about a part of the robot file; about the MJCF if the robot came from no file."""
+        if not self._document.path:
+            return Problem(str(self.mjcf_path), 1, 1, ".".join(map(str, place)), message, hint)
+        return self._document.problem(place, message, hint, offset=offset)
+
+    @property
+    def given_blocks(self) -> dict[str, Any]:
+        """The blocks of plug-ins that the file has, by kind."""
+        there = {kind: getattr(self, kind, None) for kind in blocks.kinds}
+        return {kind: block for kind, block in there.items() if block is not None}
+
+
+@cache
+def robot_class() -> type[Robot]:
+    """`Robot` with a key for the block of each plug-in."""
+    fields: dict[str, Any] = {
+        kind: (block | None, Field(default=None, description=(block.__doc__ or kind).partition("\n")[0]))
+        for kind, block in blocks.kinds.items()
+    }
+    return create_model("Robot", __base__=Robot, **fields)
 
 
 def shipped_robots() -> tuple[str, ...]:
     """Names of the robots that come with circuitkit."""
-    return tuple(sorted(path.parent.name for path in _HERE.glob(f"*/{FILE_NAME}")))
+    return tuple(sorted(path.parent.name for path in data_folder(FOLDER).glob(f"*/{FILE_NAME}")))
 
 
-def load_robot(name_or_path: str | Path) -> RobotSpec:
+def robot_path(name_or_path: str | Path) -> Path:
+    """The path of a robot file.
+
+    Raises:
+        UnknownNameError: There is no shipped robot of this name; lists those there are.
+    """
+    path = Path(name_or_path)
+    if path.is_dir() and (path / FILE_NAME).is_file():
+        return path / FILE_NAME
+    if path.suffix or len(path.parts) != 1:
+        return path
+    if path.name not in shipped_robots():
+        kind = "robot (a path to a robot.yaml is allowed as well)"
+        raise UnknownNameError(kind, path.name, shipped_robots())
+    return data_folder(FOLDER) / path.name / FILE_NAME
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
     """Read a robot file.
 
     Args:
@@ -192,12 +257,7 @@ def load_robot(name_or_path: str | Path) -> RobotSpec:
     Raises:
         InputError: It cannot be read; says where and why.
     """
-    path = Path(name_or_path)
-    if not path.suffix and len(path.parts) == 1:
-        if path.name not in shipped_robots():
-            kind = "robot (a path to a robot.yaml is allowed as well)"
-            raise UnknownNameError(kind, path.name, shipped_robots())
-        path = _HERE / path.name / FILE_NAME
-    spec = validate_model(read_yaml(path), RobotSpec)
-    spec._folder = path.parent
-    return spec
+    document = read_yaml(robot_path(name_or_path))
+    robot = validate_model(document, robot_class())
+    robot._document = document  # the robot's own factory
+    return robot

@@ -1,211 +1,357 @@
-"""Pushes, noise and faults as arrays over ticks and robots, made before the loop starts."""
+"""Disturbances: forces, and what befalls channels, commands, actuators and bodies; made before the loop starts.
+
+A kind is a module in `disturbances`: a model of what the file says, and `act`, which adds hooks to the effects.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, create_model, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError, suggest
-from circuitkit.base.units import parse_quantity
-from circuitkit.biped.gait import LEFT, PHASES, Walk
-from circuitkit.biped.gait.schedule import plan_steps
-from circuitkit.robots import RobotModel, body_number
-from circuitkit.simulation.scenario import DIRECTIONS, SIDEWAYS, Fault, Jitter, Push, SensorNoise
+from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.registry import Registry
+from circuitkit.base.source import FileModel, describe
+from circuitkit.base.source.fields import Seconds
+from circuitkit.base.units import UnitError, parse_quantity
+from circuitkit.control import Array
+from circuitkit.robots import RobotModel, Worlds
+from circuitkit.simulation.reference import Moment, Reference
 
-Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-_COM_STREAM = 1  # a stream of its own beside the seed's, so that one noise does not change another
+
+def _start(value: object) -> object:
+    """A time in seconds, or a moment in the words of the reference."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    try:
+        quantity = parse_quantity(str(value))
+        fits = not isinstance(value, bool) and quantity.dimension == parse_quantity("1 s").dimension
+    except UnitError:
+        fits = False
+    if not fits or quantity.value_si < 0:
+        message = f"found {describe(value)}; allowed: a time such as '5 s', or a moment of the reference"
+        raise ValueError(message)
+    return quantity.value_si
+
+
+Start = Annotated[Any, AfterValidator(_start)]
+
+
+class Disturbance(FileModel):
+    """Base of all kinds of disturbances.
+
+    Attributes:
+        kind: The key in a scenario, as in `- push: {…}`.
+        per_robot: Whether the robots of one batch may differ in it.
+        early: Whether it acts before the others, since they depend on it.
+    """
+
+    kind: ClassVar[str]
+    per_robot: ClassVar[bool] = False
+    early: ClassVar[bool] = False
+
+    def change(self, robot: RobotModel) -> None:
+        """Change the compiled model, for the whole run.
+
+        Raises:
+            UnknownNameError: The model lacks a part; lists those it has.
+        """
+
+    @property
+    def changes_model(self) -> bool:
+        """Whether `change` does something."""
+        return False
+
+    def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
+        """Add hooks.
+
+        Args:
+            effects: Takes them.
+            robots: The robots of the batch that it befalls: all, unless `per_robot`.
+            where: The place in the scenario, for complaints.
+
+        Raises:
+            InputError: It names what is not there, or starts at no moment of the reference.
+        """
+
+
+DISTURBANCES: Registry[Disturbance] = Registry(
+    "disturbances", Disturbance, "circuitkit.simulation.disturbances"
+)
+
+
+class _OneOf(FileModel):
+    """Base of an item of the list of disturbances: one kind with its settings."""
+
+    @model_validator(mode="after")
+    def _one(self) -> _OneOf:
+        given = sorted(self.model_fields_set)
+        if len(given) != 1 or getattr(self, given[0]) is None:
+            found = f"found {', '.join(given)}" if given else "found nothing"
+            message = f"{found}; allowed: one kind of disturbance, such as push: {{…}}"
+            raise ValueError(message)
+        return self
+
+    @property
+    def disturbance(self) -> Disturbance:
+        """What it holds."""
+        found: Disturbance = getattr(self, next(iter(self.model_fields_set)))
+        return found
+
+
+@cache
+def item_class() -> type[_OneOf]:
+    """A model with a key for each kind of disturbance."""
+    fields: dict[str, Any] = {
+        kind: (made | None, Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]))
+        for kind, made in DISTURBANCES.kinds.items()
+    }
+    return create_model("Disturbance", __base__=_OneOf, **fields)
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One robot's fate.
+class RunSpec:
+    """What is special to one robot of a batch.
 
     Attributes:
-        seed: Of noise and jitter.
-        pushes: What pushes it.
+        seed: Of everything random.
+        disturbances: What befalls it; the robots of a batch differ only in kinds that are `per_robot`.
     """
 
     seed: int
-    pushes: tuple[Push, ...]
+    disturbances: tuple[Disturbance, ...] = ()
+
+
+class Hook(NamedTuple):
+    """Something that is done in the ticks from `first` up to but without `last`.
+
+    Attributes:
+        first: First tick.
+        last: One past the last tick.
+        act: Gets the tick and what it changes: worlds, readings, channels or commands.
+    """
+
+    first: int
+    last: int
+    act: Callable[[int, Any], object]
 
 
 @dataclass(frozen=True)
-class BodyPush:
-    """Forces on one body.
+class BodyForce:
+    """Forces on one body, for the loop and for the pictures.
 
     Attributes:
         body: Number of the body.
         first_tick: Tick of the first row.
         forces: At its centre of mass; shape (t, B, 3), [N]; the last row is zero.
-        torques: What comes with them if they act elsewhere, r x F; shape (t, B, 3), [N m]; None without.
+        torques: Moments beside them; shape (t, B, 3), [N m]; None without.
+        point_m: Where they act, from the body's centre of mass; shape (B, 3), [m], in the frame of the world
+            at rest; for pictures.
     """
 
     body: int
     first_tick: int
     forces: Array
     torques: Array | None = None
+    point_m: Array | None = None
+
+    def hook(self) -> Hook:
+        """What the loop does."""
+
+        def act(tick: int, worlds: Worlds) -> None:
+            row = tick - self.first_tick
+            worlds.push(self.body, self.forces[row], None if self.torques is None else self.torques[row])
+
+        return Hook(self.first_tick, self.first_tick + len(self.forces), act)
 
 
-@dataclass(frozen=True)
-class Fates:
-    """What befalls the robots of a batch.
+@dataclass(eq=False)
+class Effects:
+    """Everything that befalls a batch of robots, as hooks by what they change.
 
     Attributes:
-        pushes: Forces, a body each.
-        windows_s: Start and end of each robot's first push; shape (B, 2); not a number without a push.
-        base_velocity: At the start, forward and left; shape (B, 2), [m/s].
-        cell_noise: Added to the force cells; shape (T, B, 8), [N]; None without noise.
-        com_noise: Added to the centre of mass and to its velocity; shape (T, B, 6), [m] and [m/s]; None
-            without noise.
+        robot: What the robots are, as they are known.
+        reference: Gives moments and directions.
+        ticks: T.
+        step_s: The control step.
+        seeds: One for each of the B robots.
+        observed: The channels that the controller reads, in order.
+        commanded: The commands that it writes, in order.
+        at_rest: Done before the first readings, on the worlds.
+        at_once: Done after them, before the first tick.
+        on_worlds: Before a control step passes; gets the `Worlds`.
+        on_readings: On what the sensors show, shape (B, s), before readings are clipped to their range.
+        on_clipped: The same, after that.
+        on_channels: On what the controller reads; shape (B, k).
+        on_commands: On what it writes; shape (B, m).
+        forces: Forces on bodies, which are on `on_worlds` as well.
+        windows_s: Start and end of each robot's first push; shape (B, 2); not a number without one.
+        shift_s: By how much pushes start later; shape (B,).
+        spans: Everything that has a beginning and an end, for pictures: label, first and last second.
     """
 
-    pushes: tuple[BodyPush, ...]
-    windows_s: Array
-    base_velocity: Array
-    cell_noise: Array | None
-    com_noise: Array | None = None
+    robot: RobotModel
+    reference: Reference
+    ticks: int
+    step_s: float
+    seeds: Sequence[int]
+    observed: Sequence[str] = ()
+    commanded: Sequence[str] = ()
+    at_rest: list[Callable[[Worlds], object]] = field(default_factory=list)
+    at_once: list[Callable[[Worlds], object]] = field(default_factory=list)
+    on_worlds: list[Hook] = field(default_factory=list)
+    on_readings: list[Hook] = field(default_factory=list)
+    on_clipped: list[Hook] = field(default_factory=list)
+    on_channels: list[Hook] = field(default_factory=list)
+    on_commands: list[Hook] = field(default_factory=list)
+    forces: list[BodyForce] = field(default_factory=list)
+    spans: list[tuple[str, float, float]] = field(default_factory=list)
+    windows_s: Array = field(init=False)
+    shift_s: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.windows_s = np.full((self.batch, 2), np.nan)
+        self.shift_s = np.zeros(self.batch)
+        self._generators: dict[tuple[int, int], np.random.Generator] = {}
+        self._collections: dict[str, Any] = {}
+        self.finishers: list[Callable[[Effects], object]] = []
+
+    @property
+    def batch(self) -> int:
+        """B."""
+        return len(self.seeds)
+
+    def generator(self, robot: int, stream: int = 0) -> np.random.Generator:
+        """Random numbers of one robot: the same for the same seed, whatever the batch.
+
+        Args:
+            robot: Which one.
+            stream: Disturbances of one stream draw in the order of the file; those of another do not change
+                them.
+        """
+        key = (robot, stream)
+        if key not in self._generators:
+            seed: Any = (self.seeds[robot], stream) if stream else self.seeds[robot]
+            self._generators[key] = np.random.default_rng(seed)
+        return self._generators[key]
+
+    def collected(self, name: str, make: Callable[[], Any], finish: Callable[[Effects], object]) -> Any:  # noqa: ANN401
+        """Something that several disturbances add to, and that is finished when all have.
+
+        Args:
+            name: What it is called.
+            make: Makes it empty.
+            finish: Is called in the end.
+        """
+        if name not in self._collections:
+            self._collections[name] = make()
+            self.finishers.append(finish)
+        return self._collections[name]
+
+    def moment(self, start: Any, where: str) -> Moment:  # noqa: ANN401 - seconds, or a mapping
+        """When something starts.
+
+        Raises:
+            InputError: There is no such moment.
+        """
+        try:
+            if isinstance(start, Mapping):
+                return self.reference.moment(start, self.ticks * self.step_s)
+            return self.reference.at(float(start))
+        except InputError as error:
+            raise InputError(*(_placed(problem, f"{where}.start") for problem in error.problems)) from error
+
+    def window(self, start: Any, duration: float | None, where: str) -> tuple[int, int]:  # noqa: ANN401 - as above
+        """First tick and one past the last tick of something; to the end without a duration."""
+        begin = self.moment(start, where).time_s
+        first = round(begin / self.step_s)
+        last = self.ticks if duration is None else round((begin + duration) / self.step_s)
+        return first, min(last, self.ticks)
+
+    def columns_of(self, pattern: str, where: str) -> tuple[list[int], list[str]]:
+        """What a pattern over channels means: columns of `sensordata`, and channels that are more than one.
+
+        Args:
+            pattern: Name of a channel or of a sensor, with `*` for any letters.
+            where: The place in the scenario, for complaints.
+
+        Returns:
+            Columns, in the order of the channels, and the names of the other channels.
+
+        Raises:
+            InputError: Nothing has such a name; lists what there is.
+        """
+        from fnmatch import fnmatchcase
+
+        roles = {n: c for block in self.robot.blocks.values() for n, c in getattr(block, "sensor_roles", {}).items()}
+        if pattern in roles:
+            return list(roles[pattern]), []
+        channels = [each for name, each in self.robot.channels.items() if fnmatchcase(name, pattern)]
+        if not channels:
+            model = self.robot.model
+            for i in range(model.nsensor):
+                if model.sensor(i).name == pattern:
+                    first = int(model.sensor_adr[i])
+                    return list(range(first, first + int(model.sensor_dim[i]))), []
+            error = UnknownNameError("channel", pattern, [*self.robot.channels, *roles])
+            raise InputError(*(_placed(problem, where) for problem in error.problems)) from error
+        bare = [each.value.bare for each in channels]
+        columns = list(dict.fromkeys(column for column in bare if column is not None))
+        return columns, [each.name for each, column in zip(channels, bare, strict=True) if column is None]
 
 
-def draw_fates(
-    trials: Sequence[Trial], walk: Walk, robot: RobotModel, jitter: Jitter, noise: SensorNoise
-) -> Fates:
+def _placed(problem: Problem, where: str) -> Problem:
+    """A complaint with the place in the scenario that it is about."""
+    return problem if problem.file else Problem("", 0, 0, where, problem.message, problem.hint)
+
+
+def draw_effects(
+    specs: Sequence[RunSpec],
+    robot: RobotModel,
+    reference: Reference,
+    ticks: int,
+    step_s: float,
+    observed: Sequence[str] = (),
+    commanded: Sequence[str] = (),
+) -> Effects:
     """Draw everything random, each robot from its own seed, so that a batch draws what a single robot does.
 
-    Raises:
-        InputError: A push starts in a step that is not there, or on a body that does not exist.
-    """
-    dt = walk.gait.control_step
-    cells = len(robot.layout.cells)
-    windows = np.full((len(trials), 2), np.nan)
-    velocity = np.zeros((len(trials), 2))
-    cell_noise = np.zeros((walk.ticks, len(trials), cells)) if noise.force_cells > 0 else None
-    com_noise = np.zeros((walk.ticks, len(trials), 6)) if noise.com > 0 or noise.com_velocity > 0 else None
-    by_body: dict[int, list[_Acting]] = {}
-    for i, trial in enumerate(trials):
-        rng = np.random.default_rng(trial.seed)
-        shift = rng.uniform(-jitter.push_start, jitter.push_start)
-        velocity[i] = rng.normal(0.0, jitter.base_velocity, 2)
-        if cell_noise is not None:
-            cell_noise[:, i] = rng.normal(0.0, noise.force_cells, (walk.ticks, cells))
-        if com_noise is not None:
-            own = np.random.default_rng((trial.seed, _COM_STREAM))
-            deviation = np.repeat([noise.com, noise.com_velocity], 3)
-            com_noise[:, i] = own.normal(0.0, 1.0, (walk.ticks, 6)) * deviation
-        for number, push in enumerate(trial.pushes):
-            start_s, support = push_start(push, walk, number)
-            start = max(start_s + shift, 0.0)
-            end = start + push.duration
-            force = push.force * direction_of(push.direction, support)
-            acting = _Acting(i, start, end, force, push.height)
-            by_body.setdefault(_body(push, robot, number), []).append(acting)
-            if number == 0:
-                windows[i] = start, end
-    pushes = tuple(_body_push(body, entries, len(trials), dt) for body, entries in by_body.items())
-    return Fates(pushes, windows, velocity, cell_noise, com_noise)
-
-
-def _body(push: Push, robot: RobotModel, number: int) -> int:
-    try:
-        return body_number(robot, push.body)
-    except UnknownNameError as error:
-        raise InputError(replace(error.problems[0], where=f"pushes[{number}].body")) from error
-
-
-def direction_of(name: str, support: int) -> Array:
-    """Unit vector of a direction, world frame; inward and outward depend on the foot that carries.
-
-    An angle is from forward towards the left.
-    """
-    if name in SIDEWAYS:
-        outward = 1.0 if support == LEFT else -1.0
-        return np.array([0.0, outward if name == "outward" else -outward, 0.0])
-    if name in DIRECTIONS:
-        return np.array(DIRECTIONS[name])
-    angle = parse_quantity(name).value_si
-    return np.array([math.cos(angle), math.sin(angle), 0.0])
-
-
-def push_start(push: Push, walk: Walk, number: int = 0) -> tuple[float, int]:
-    """When a push starts by the gait, [s], and which foot carries then.
+    Args:
+        specs: One for each of the B robots.
+        robot: What they are, as they are known.
+        reference: Gives moments and directions.
+        ticks: T.
+        step_s: The control step.
+        observed: The channels that the controller reads.
+        commanded: The commands that it writes.
 
     Raises:
-        InputError: The walk is over before.
+        InputError: A disturbance names what is not there, or starts at no moment of the reference.
     """
-    schedule, start, gait = walk.schedule, push.start, walk.gait
-    phase = PHASES.index(start.phase)
-    first_step = plan_steps(gait, 1)
-    moment = start.at * np.count_nonzero(first_step.phase == phase)
-    ticks = np.flatnonzero((schedule.step == start.step) & (schedule.phase == phase))
-    if len(ticks) == 0 or moment > len(ticks):
-        whole_steps = (walk.ticks - np.count_nonzero(first_step.step < 0)) // gait.step_ticks
-        steps = f"steps 0 to {whole_steps - 1}, or " if whole_steps > 0 else ""
-        found = f"found step {start.step}, and the walk ends before that '{start.phase}'"
-        message = f"{found}; allowed: {steps}a longer duration"
-        raise InputError(Problem("", 0, 0, f"pushes[{number}].start", message))
-    return float(ticks[0] + moment) * gait.control_step, int(schedule.support[ticks[0]])
+    effects = Effects(robot, reference, ticks, step_s, [spec.seed for spec in specs], observed, commanded)
+    every = range(len(specs))
+    shared = [(k, each) for k, each in enumerate(specs[0].disturbances) if not each.per_robot]
+    for early in (True, False):
+        for k, each in shared:
+            if each.early is early:
+                each.act(effects, every, f"disturbances[{k}].{each.kind}")
+    for i, spec in enumerate(specs):
+        for k, each in enumerate(spec.disturbances):
+            if each.per_robot:
+                each.act(effects, (i,), f"disturbances[{k}].{each.kind}")
+    for finish in effects.finishers:
+        finish(effects)
+    return effects
 
 
-class _Acting(NamedTuple):
-    """A force on a robot's body from start to end, so far above the body's centre of mass."""
-
-    robot: int
-    start_s: float
-    end_s: float
-    force: Array
-    height_m: float
-
-
-def _body_push(body: int, entries: list[_Acting], batch: int, dt: float) -> BodyPush:
-    """Forces of each tick; where a push covers a part of a tick, that part of its force acts all through."""
-    first = int(min(entry.start_s for entry in entries) / dt)
-    last = int(np.ceil(max(entry.end_s for entry in entries) / dt))
-    begin = (first + np.arange(last - first + 1)) * dt
-    forces = np.zeros((len(begin), batch, 3))
-    torques = np.zeros_like(forces) if any(entry.height_m for entry in entries) else None
-    for i, start, end, force, height in entries:
-        share = np.clip(np.minimum(end, begin + dt) - np.maximum(start, begin), 0.0, dt) / dt
-        forces[:, i] += share[:, None] * force
-        if torques is not None:
-            torques[:, i] += share[:, None] * np.cross([0.0, 0.0, height], force)
-    return BodyPush(body, first, forces, torques)
-
-
-def fault_values(faults: Sequence[Fault], walk: Walk, robot: RobotModel) -> dict[int, Array]:
-    """For each tick with a fault, what the force cells show: 1 passes through, 0 and not-a-number do not.
-
-    Raises:
-        InputError: There is no such cell.
-    """
-    cells = robot.layout.cells
-    factors: dict[int, Array] = {}
-    for number, fault in enumerate(faults):
-        if fault.cell not in cells:
-            message = f"the robot has no force cell '{fault.cell}'; allowed: {', '.join(cells)}"
-            where = f"faults[{number}].cell"
-            raise InputError(Problem("", 0, 0, where, message, suggest(fault.cell, cells)))
-        dt = walk.gait.control_step
-        end = walk.ticks if fault.duration is None else round((fault.start + fault.duration) / dt)
-        for tick in range(round(fault.start / dt), min(end, walk.ticks)):
-            row = factors.setdefault(tick, np.ones(len(cells)))
-            row[cells.index(fault.cell)] = np.nan if fault.reading == "missing" else 0.0
-    return factors
-
-
-def delay_ticks(delay_s: float, walk: Walk) -> int:
-    """How many ticks old a reading is.
-
-    Raises:
-        InputError: It is no whole number of control steps.
-    """
-    dt = walk.gait.control_step
-    ticks = round(delay_s / dt)
-    if abs(delay_s - ticks * dt) > 1e-9:  # noqa: PLR2004 - rounding
-        message = f"found {delay_s * 1e3:g} ms; allowed: a multiple of the control step of {dt * 1e3:g} ms"
-        raise InputError(Problem("", 0, 0, "sensor_delay", message))
-    return ticks
+__all__ = [
+    "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start", "draw_effects",
+    "item_class",
+]  # fmt: skip

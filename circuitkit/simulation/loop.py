@@ -3,95 +3,79 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.circuit import CircuitGraph
-from circuitkit.control import Controller
-from circuitkit.biped.gait import Walk
-from circuitkit.robots import MujocoRobot, RobotModel
-from circuitkit.simulation.disturbance import Fates, Trial
+from circuitkit.control import Array, Controller
+from circuitkit.robots import Observer, RobotModel, Worlds
+from circuitkit.simulation.disturbance import Effects, Hook, RunSpec
+from circuitkit.simulation.measures import Judge
 from circuitkit.simulation.recording import Recording
+from circuitkit.simulation.reference import Motion
+from circuitkit.simulation.tracking import Tracker
 
-Array = NDArray[np.float64]
-
-_LOOK_EVERY = 20  # ticks between two looks at who has fallen
-_AFTER_FALL = 60  # ticks that are still recorded once all have fallen
-_FALLEN_TILT = 0.7  # vertical part of the torso's axis: leans by more than 45 degrees
-_FALLEN_HEIGHT = 0.6  # of the height that the CoM had at first
+_LOOK_EVERY = 20  # ticks between two looks at who has ended
+_AFTER_END = 60  # ticks that are still recorded once all have ended, so that films show what came of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Setup:
     """Everything that a run needs, made beforehand.
 
     Attributes:
-        robot: What walks, as it is simulated.
-        walk: The walk.
-        targets: Of its servos; shape (T, n).
-        controller: What adds to the walk.
-        circuit: The circuit, in use or not.
-        trials: B robots' fates.
-        fates: The same as arrays.
-        cell_factors: For ticks with a fault, what force cells let through.
-        yardstick: The circuit whose thresholds count if this one has none.
-        delay: How many ticks old is what the controller reads.
+        robot: The robot as it is simulated.
+        motion: What the reference wants.
+        controller: What adds to it.
+        circuit: The circuit, in use or not; None without one.
+        specs: What is special to each of the B robots.
+        effects: What befalls them.
+        judge: Measures, and what ends a run.
+        step_s: The control step.
+        ticks: T.
     """
 
     robot: RobotModel
-    walk: Walk
-    targets: Array
+    motion: Motion
     controller: Controller
-    circuit: CircuitGraph
-    trials: tuple[Trial, ...]
-    fates: Fates
-    cell_factors: dict[int, Array]
-    yardstick: CircuitGraph | None = None
-    delay: int = 0
+    circuit: CircuitGraph | None
+    specs: tuple[RunSpec, ...]
+    effects: Effects
+    judge: Judge
+    step_s: float
+    ticks: int
+
+    @property
+    def trace_names(self) -> tuple[str, ...]:
+        """What the controller records of itself."""
+        return tuple(getattr(self.controller, "trace_names", ()))
 
 
-def has_fallen(readings: Array, robot: RobotModel, first: Array) -> NDArray[np.bool_]:
-    """Who lies, or leans by more than 45 degrees; shape (..., B).
-
-    Args:
-        readings: Sensor readings; shape (..., B, s).
-        robot: What they are.
-        first: Readings at the start; shape (B, s).
-    """
-    layout = robot.layout
-    upright = readings[..., layout.torso_up.start + 2]
-    height = readings[..., layout.com.start + 2]
-    fallen: NDArray[np.bool_] = (upright < _FALLEN_TILT) | (
-        height < _FALLEN_HEIGHT * first[..., layout.com.start + 2]
-    )
-    return fallen
-
-
-class _Recorder:
+class _Rows:
     """Arrays that take one row a tick; or only seem to, and keep the last one, for runs by the thousand."""
 
-    def __init__(self, ticks: int, robot: MujocoRobot, controller: Controller, *, keep: bool) -> None:
+    def __init__(self, setup: Setup, worlds: Worlds, *, keep: bool) -> None:
         def rows(*shape: int) -> Array:
             if keep:
-                return np.empty((ticks, *shape))
+                return np.empty((setup.ticks, *shape))
             last = np.empty(shape)
-            return np.lib.stride_tricks.as_strided(last, (ticks, *shape), (0, *last.strides))
+            return np.lib.stride_tricks.as_strided(last, (setup.ticks, *shape), (0, *last.strides))
 
-        batch = robot.batch
-        self.readings = rows(*robot.readings.shape)
-        self.qpos = rows(*robot.qpos.shape)
-        self.observations = rows(batch, len(controller.observations))
-        self.commands = rows(batch, len(controller.commands))
-        self.trace = rows(batch, len(controller.trace_names))
-        self.fallen_tick = np.full(batch, -1)
+        batch = worlds.batch
+        self.readings = rows(*worlds.readings.shape)
+        self.qpos = rows(*worlds.qpos.shape)
+        self.observations = rows(batch, len(setup.controller.observations))
+        self.commands = rows(batch, len(setup.controller.commands))
+        self.trace = rows(batch, len(setup.trace_names))
 
 
 def run_loop(
     setup: Setup, progress: Callable[[int], object] | None = None, threads: int | None = None
 ) -> Recording:
-    """Walk all robots to the end, or until all have fallen, or until Ctrl-C, and record everything.
+    """Run all robots to the end, or until all have ended, or until Ctrl-C, and record everything.
 
     Args:
         setup: What runs.
@@ -102,184 +86,194 @@ def run_loop(
         What was recorded; after Ctrl-C, as far as it got.
     """
     controller = setup.controller
-    robot, record = _start(setup, threads, keep=True)
+    worlds = _start(setup, threads)
+    rows = _Rows(setup, worlds, keep=True)
+    tracker = _tracker(setup)
     done, interrupted = 0, False
     try:
-        for done in _ticks(setup, robot, record):
+        for done in _ticks(setup, worlds, rows, tracker):
             if progress is not None and done % _LOOK_EVERY == 0:
                 progress(done)
     except KeyboardInterrupt:
         interrupted = True
+    tracker.look(rows.readings[tracker.done : done], rows.commands[tracker.done : done])
     return Recording(
-        setup.walk, setup.robot, setup.trials, setup.fates, controller.name, setup.circuit,
-        record.readings[:done], record.qpos[:done], record.observations[:done],
-        record.commands[:done], record.trace[:done],
-        controller.observations, controller.commands, controller.trace_names, interrupted, setup.yardstick,
+        robot=setup.robot, motion=setup.motion, specs=setup.specs, effects=setup.effects,
+        controller=controller.name, circuit=setup.circuit, step_s=setup.step_s, judge=setup.judge,
+        readings=rows.readings[:done], qpos=rows.qpos[:done], observations=rows.observations[:done],
+        commands=rows.commands[:done], trace=rows.trace[:done],
+        observation_names=tuple(controller.observations), command_names=tuple(controller.commands),
+        trace_names=setup.trace_names, interrupted=interrupted,
+        measures=tracker.measures(), end_tick=tracker.end_tick,
     )  # fmt: skip
 
 
-def run_to_see_who_stands(
-    setup: Setup, progress: Callable[[int], object] | None = None, threads: int | None = None
-) -> NDArray[np.bool_]:
-    """The same without a recording: which of the B robots stand at the end; shape (B,)."""
-    robot, record = _start(setup, threads, keep=False)
-    for done in _ticks(setup, robot, record, to_the_fall=True):
-        if progress is not None and done % _LOOK_EVERY == 0:
-            progress(done)
-    standing: NDArray[np.bool_] = record.fallen_tick < 0
-    return standing
-
-
-@dataclass(frozen=True)
-class Watched:
-    """What is kept of a run of B robots over T ticks if it is only to be judged; see `Recording`.
-
-    Attributes:
-        readings: Some columns of the true readings at the end of each tick; shape (T, B, c). Where a robot
-            has fallen they may be those of a moment soon after the fall.
-        commands: What the controller wrote; shape (T, B, m).
-        first: True readings at the end of the first tick; shape (B, s).
-    """
-
-    readings: Array
-    commands: Array
-    first: Array
-
-
 def run_and_watch(
-    setup: Setup,
-    columns: Sequence[int],
-    progress: Callable[[int], object] | None = None,
-    threads: int | None = None,
-) -> Watched:
-    """The same without a recording, but for some columns of the readings and the commands.
+    setup: Setup, progress: Callable[[int], object] | None = None, threads: int | None = None
+) -> Tracker:
+    """The same without a recording, but for what the measures need; who has ended stands still.
 
     Args:
         setup: What runs.
-        columns: The columns.
         progress: Is told the number of ticks that are done.
         threads: For the physics; by default all processors, one for one robot.
     """
-    robot, record = _start(setup, threads, keep=False)
-    ticks, chosen = setup.walk.ticks, np.array(columns)
-    kept = np.empty((ticks, robot.batch, len(columns)))
-    commands = np.empty((ticks, robot.batch, len(setup.controller.commands)))
-    first, done = robot.readings, 0
-    for done in _ticks(setup, robot, record, to_the_fall=True):
-        robot.readings.take(chosen, axis=1, out=kept[done - 1])
-        commands[done - 1] = record.commands[done - 1]
-        if done == 1:
-            first = robot.readings.copy()
+    worlds = _start(setup, threads)
+    rows = _Rows(setup, worlds, keep=False)
+    tracker = _tracker(setup)
+    for done in _ticks(setup, worlds, rows, tracker, to_the_end=True):
         if progress is not None and done % _LOOK_EVERY == 0:
             progress(done)
-    return Watched(kept[:done], commands[:done], first)
+    return tracker
 
 
-def _start(setup: Setup, threads: int | None, *, keep: bool) -> tuple[MujocoRobot, _Recorder]:
-    robot = MujocoRobot(
-        setup.robot, setup.walk, setup.targets, setup.controller.commands, len(setup.trials), threads
-    )
-    robot.set_base_velocity(setup.fates.base_velocity)
-    setup.controller.reset(robot.batch)
-    return robot, _Recorder(setup.walk.ticks, robot, setup.controller, keep=keep)
+def _tracker(setup: Setup) -> Tracker:
+    return Tracker(
+        setup.robot, setup.motion, setup.effects, setup.judge, setup.controller.commands,
+        step_s=setup.step_s, ticks=setup.ticks,
+    )  # fmt: skip
+
+
+def _columns(robot: RobotModel, names: Sequence[str]) -> set[int]:
+    """The columns of `sensordata` that channels depend on."""
+    return {column for name in names if name in robot.channels for column in robot.channels[name].value.used}
+
+
+def _start(setup: Setup, threads: int | None) -> Worlds:
+    worlds = Worlds(
+        setup.robot, setup.step_s, setup.motion.targets, setup.motion.start_qpos,
+        setup.controller.commands, len(setup.specs), threads,
+    )  # fmt: skip
+    for place in setup.effects.at_rest:
+        place(worlds)
+    worlds.begin()
+    for kick in setup.effects.at_once:
+        kick(worlds)
+    setup.controller.reset(worlds.batch)
+    return worlds
 
 
 def _ticks(
-    setup: Setup, robot: MujocoRobot, record: _Recorder, *, to_the_fall: bool = False
+    setup: Setup,
+    worlds: Worlds,
+    rows: _Rows,
+    tracker: Tracker,
+    *,
+    to_the_end: bool = False,
 ) -> Iterator[int]:
     """Do one tick after the other; yields how many are done.
 
     Args:
         setup: What runs.
-        robot: The robots.
-        record: Takes what is recorded.
-        to_the_fall: What comes after a fall does not count: time stands still for who has fallen, and the
+        worlds: The robots.
+        rows: Takes what is recorded.
+        tracker: Finds out who has ended.
+        to_the_end: What comes after the end does not count: time stands still for who has ended, and the
             controller misses their readings, so that it need not work for them.
     """
-    sense = _sense(setup, robot)
-    control, advance = setup.controller.step, robot.advance
-    readings, qpos = robot.readings, robot.qpos
-    first = readings.copy()
-    reads = bool(setup.controller.observations)
-    last = setup.walk.ticks - 1
-    pushes = setup.fates.pushes
+    sense, controller = _Senses(setup, worlds), setup.controller
+    control, advance = controller.step, worlds.advance
+    store = getattr(controller, "store_trace", None) if setup.trace_names else None
+    reads, last = bool(controller.observations), setup.ticks - 1
+    on_worlds, on_commands = setup.effects.on_worlds, setup.effects.on_commands
     still: NDArray[np.bool_] | None = None
-    for tick in range(setup.walk.ticks):
-        observation = record.observations[tick]
+    recent_readings = np.empty((_LOOK_EVERY, *worlds.readings.shape))
+    recent_commands = np.empty((_LOOK_EVERY, worlds.batch, len(controller.commands)))
+    for tick in range(setup.ticks):
+        observation = rows.observations[tick]
         if reads:
             sense(tick, observation)
             if still is not None:
                 observation[still] = np.nan
-        record.commands[tick] = commands = control(observation, record.trace[tick])
-        for push in pushes:
-            row = tick - push.first_tick
-            if 0 <= row < len(push.forces):
-                robot.push(push.body, push.forces[row], None if push.torques is None else push.torques[row])
+        rows.commands[tick] = commands = control(observation)
+        if store is not None:
+            store(rows.trace[tick])
+        if on_commands:
+            _do(on_commands, tick, commands := rows.commands[tick])
+        if on_worlds:
+            _do(on_worlds, tick, worlds)
         advance(tick, commands)
-        record.readings[tick] = readings
-        record.qpos[tick] = qpos
+        rows.readings[tick] = worlds.readings
+        rows.qpos[tick] = worlds.qpos
+        recent_readings[tick % _LOOK_EVERY] = worlds.readings
+        recent_commands[tick % _LOOK_EVERY] = commands
         yield tick + 1
         if tick % _LOOK_EVERY == 0 or tick == last:
-            newly = has_fallen(readings, setup.robot, first) & (record.fallen_tick < 0)
-            record.fallen_tick[newly] = tick
-            down = record.fallen_tick >= 0
-            if to_the_fall and newly.any():
-                still = down
-                robot.stop(down)
-            if down.all():
-                last = min(last, int(record.fallen_tick.max()) + (0 if to_the_fall else _AFTER_FALL))
+            seen = np.arange(tracker.done, tick + 1) % _LOOK_EVERY
+            newly = tracker.look(recent_readings[seen], recent_commands[seen])
+            if to_the_end and newly.any():
+                still = tracker.ended
+                worlds.stop(still)
+            if tracker.ended.all():
+                last = min(last, int(tracker.seen_tick.max()) + (0 if to_the_end else _AFTER_END))
         if tick >= last:
             return
 
 
-class _Senses:
-    """Sensors as the controller gets them: with noise and faults, within the cells' range."""
+def _do(hooks: Sequence[Hook], tick: int, what: Any) -> None:  # noqa: ANN401 - worlds or an array
+    for first, last, act in hooks:
+        if first <= tick < last:
+            act(tick, what)
 
-    def __init__(self, setup: Setup, robot: MujocoRobot) -> None:
-        cells = setup.robot.layout.forces
-        self._seen = robot.readings.copy()
-        self._seen_cells, self._true_cells = self._seen[:, cells], robot.readings[:, cells]
-        self._seen_others, self._true_others = self._seen[:, cells.stop :], robot.readings[:, cells.stop :]
-        silence = np.zeros_like(self._true_cells)
-        noise = setup.fates.cell_noise
-        self._noise = np.broadcast_to(silence, (setup.walk.ticks, *silence.shape)) if noise is None else noise
-        self._com_noise = setup.fates.com_noise
-        self._seen_com = self._seen[:, setup.robot.layout.com.start : setup.robot.layout.com_velocity.stop]
-        self._factors = setup.cell_factors
-        self._missing = {tick for tick, row in self._factors.items() if np.isnan(row).any()}
-        self._low, self._high = (np.full_like(silence, end) for end in setup.robot.spec.force_cells.range)
-        self._observer = robot.observer(setup.controller.observations)
+
+@dataclass(eq=False)
+class _Clip:
+    """Bounds of neighbouring columns of readings."""
+
+    view: Array
+    low: Array
+    high: Array
+    columns: list[int] = field(default_factory=list)
+
+
+class _Senses:
+    """What the controller gets to read: with noise and faults, within the sensors' ranges."""
+
+    def __init__(self, setup: Setup, worlds: Worlds) -> None:
+        effects, channels = setup.effects, setup.robot.channels
+        self._on_readings, self._on_clipped = effects.on_readings, effects.on_clipped
+        self._on_channels = effects.on_channels
+        known = {name: each for name, each in channels.items()}
+        self._observer = Observer(known, setup.controller.observations)
+        ranges = {c.value.bare: c.range for c in channels.values() if c.range and c.value.bare is not None}
+        wanted = _columns(setup.robot, setup.controller.observations)
+        ranges = {column: bounds for column, bounds in ranges.items() if column in wanted}
+        self._changes = bool(self._on_readings or self._on_clipped or ranges)
+        self._true = worlds.readings
+        self._seen = worlds.readings.copy() if self._changes else worlds.readings
+        self._clips = _clips(self._seen, ranges)
         self._observe = self._observer.bound(self._seen)
+        self._missing = [(hook.first, hook.last) for hook in self._on_clipped]
 
     def __call__(self, tick: int, observation: Array) -> None:
         """Write the channels at the start of a tick; shape (B, k)."""
-        cells = self._seen_cells
-        np.add(self._true_cells, self._noise[tick], cells)
-        np.maximum(cells, self._low, out=cells)
-        np.minimum(cells, self._high, out=cells)
-        self._seen_others[...] = self._true_others
-        if self._com_noise is not None:
-            self._seen_com += self._com_noise[tick]
-        if tick in self._factors:
-            cells *= self._factors[tick]
-        if tick in self._missing:
+        if self._changes:
+            seen = self._seen
+            np.copyto(seen, self._true)
+            _do(self._on_readings, tick, seen)
+            for clip in self._clips:
+                np.maximum(clip.view, clip.low, out=clip.view)
+                np.minimum(clip.view, clip.high, out=clip.view)
+            _do(self._on_clipped, tick, seen)
+        if any(first <= tick < last for first, last in self._missing):
             observation[...] = self._observer.where_some_are_missing(self._seen)
         else:
             self._observe(observation)
+        _do(self._on_channels, tick, observation)
 
 
-def _sense(setup: Setup, robot: MujocoRobot) -> Callable[[int, Array], object]:
-    """What writes the channels that the controller reads at a tick: those of now, or of some ticks ago.
-
-    Before there is anything so old, it reads what was there at first.
-    """
-    senses = _Senses(setup, robot)
-    if setup.delay == 0:
-        return senses
-    past = np.empty((setup.delay + 1, robot.batch, len(setup.controller.observations)))
-
-    def sense(tick: int, observation: Array) -> None:
-        senses(tick, past[tick % len(past)])
-        observation[...] = past[max(tick - setup.delay, 0) % len(past)]
-
-    return sense
+def _clips(readings: Array, ranges: dict[int, tuple[float, float]]) -> list[_Clip]:
+    """Views of neighbouring columns with their bounds, as few as there can be."""
+    runs: list[list[int]] = []
+    for column in sorted(ranges):
+        if runs and runs[-1][-1] == column - 1:
+            runs[-1].append(column)
+        else:
+            runs.append([column])
+    found = []
+    for run in runs:
+        view = readings[:, run[0] : run[-1] + 1]
+        low, high = (np.array([ranges[column][end] for column in run]) for end in (0, 1))
+        shape = view.shape
+        found.append(_Clip(view, np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy(), run))
+    return found

@@ -1,17 +1,17 @@
-"""The scenario file: which robot walks how, under which controller, and what befalls it."""
+"""The scenario: robot, reference, controller, disturbances, measures and seed, as data or as Python objects."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.errors import InputError, Problem, UnitError
 from circuitkit.base.source import (
     Document,
     FileModel,
@@ -21,166 +21,180 @@ from circuitkit.base.source import (
     read_yaml,
     validate_model,
 )
-from circuitkit.base.source.fields import Metres, MetresPerSecond, Newtons, Ratio, Seconds
-from circuitkit.base.units import parse_quantity, parse_unit
-from circuitkit.robots import Plant
+from circuitkit.base.source.fields import Seconds
+from circuitkit.base.units import parse_quantity
+from circuitkit.circuit import CircuitGraph
+from circuitkit.robots import Robot
+from circuitkit.simulation.disturbance import Disturbance, item_class
+from circuitkit.simulation.disturbances.push import Push, check_direction
+from circuitkit.simulation.measures import MEASURES
+from circuitkit.simulation.reference import REFERENCES, Reference
 
-_FOLDER = "sims"
-_HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit
-_LARGEST_ANGLE_RAD = math.radians(360) * (1 + 1e-9)  # once round, however it is written
-
-# Forward, left, up. Inward is towards the foot in the air, outward away from it.
-DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
-    "forward": (1.0, 0.0, 0.0),
-    "backward": (-1.0, 0.0, 0.0),
-    "left": (0.0, 1.0, 0.0),
-    "right": (0.0, -1.0, 0.0),
-}
-SIDEWAYS = ("inward", "outward")
+FOLDER = "sims"
+LONGEST_S = 3600.0
 
 
-def _direction(value: object) -> object:
-    words = (*DIRECTIONS, *SIDEWAYS)
-    if value in words:
-        return value
-    if isinstance(value, str) and _is_angle(value):
-        if not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
-            message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
-            raise ValueError(message)
-        return value
-    hint = suggest(str(value), words)
-    allowed = f"{listing(words)}, or an angle such as '15 deg'"
-    message = f"unknown direction {describe(value)}; allowed: {allowed}{'; ' if hint else ''}{hint}"
-    raise ValueError(message)
+class _Sides(FileModel):
+    """Names that differ between a circuit and a robot."""
+
+    inputs: Mapping[str, str] = Field(default={}, description="Channel by the circuit's input.")
+    outputs: Mapping[str, str] = Field(default={}, description="Command by the circuit's output.")
 
 
-def _is_angle(text: str) -> bool:
-    try:
-        return parse_quantity(text).dimension == parse_unit("rad").dimension
-    except UnitError:
-        return False
-
-
-class Start(FileModel):
-    """When a push begins: a moment of the gait."""
-
-    step: int = Field(ge=0, description="Number of the step, from 0; the left foot carries the even ones.")
-    phase: Literal["transfer", "lift", "extend"] = Field(description="Movement of that step.")
-    at: Ratio = Field(ge=0, le=1, description="How far into the movement.")
-
-
-class Push(FileModel):
-    """A force on a body."""
-
-    body: str = Field(
-        description="torso, left_foot, right_foot or a body of the MJCF; acts at its centre of mass."
-    )
-    force: Newtons = Field(ge=0)
-    direction: Annotated[str, BeforeValidator(_direction)] = Field(
-        description="forward, backward, left, right, inward (towards the lifted foot), outward or an angle: "
-        "0 deg is forward, 90 deg to the left."
-    )
-    duration: Seconds = Field(gt=0)
-    height: Metres = Field(
-        default=0.0,
-        ge=-_HIGHEST_M,
-        le=_HIGHEST_M,
-        description="Where it acts: so far above the body's centre of mass, or below if negative.",
-    )
-    start: Start
-
-
-class Fault(FileModel):
-    """A force cell that fails, for a while or for the whole run."""
-
-    cell: str = Field(description="Name of the force cell.")
-    reading: Literal["missing", "zero"] = Field(description="Not a number, or zero.")
-    start: Seconds = Field(default=0.0, ge=0)
-    duration: Seconds | None = Field(default=None, gt=0, description="To the end of the run if absent.")
-
-
-class SensorNoise(FileModel):
-    """Standard deviations of white noise in what the controller reads."""
-
-    force_cells: Newtons = Field(default=0.0, ge=0)
-    com: Metres = Field(default=0.0, ge=0, description="Of each coordinate of the centre of mass.")
-    com_velocity: MetresPerSecond = Field(default=0.0, ge=0, description="Of each part of its velocity.")
-
-
-class Jitter(FileModel):
-    """What differs from seed to seed beside the noise."""
-
-    push_start: Seconds = Field(
-        default=0.0, ge=0, description="Pushes begin up to this much earlier or later."
-    )
-    base_velocity: MetresPerSecond = Field(
-        default=0.0, ge=0, description="Standard deviation of the torso's velocity at first."
-    )
-
-
-class Edges(FileModel):
-    """Neurons that stand at the edges of a support polygon."""
-
-    right: str
-    left: str
-
-
-class Thresholds(FileModel):
-    """Neurons at whose half activation the ZMP counts as having crossed; for the plots and the verdict."""
-
-    channel: str = Field(description="The circuit's input that they compare.")
-    left_foot: Edges
-    right_foot: Edges
-    both_feet: Edges
-
-
-class Scenario(FileModel):
-    """A simulation."""
-
-    scenario: str = Field(description="Name.")
-    description: str = ""
-    robot: str = Field(description="A shipped robot, or the path of a robot.yaml.")
-    servo_profile: str | None = Field(
-        default=None, description="A servo profile of the robot; its own if absent."
-    )
-    gait: str = Field(description="A shipped gait, or the path of a gait file.")
-    controller: str = Field(
-        default="circuit", description="open_loop, circuit, or the name or path of a controller file."
-    )
-    circuit: str = Field(description="The circuit of the controller named circuit: a shipped one or a path.")
-    silenced: tuple[str, ...] = Field(
-        default=(),
-        description="Neurons or inputs of the circuit that send nothing, and connections that carry nothing, "
-        "such as q1 or q1 -> p1; the thresholds stay those of the whole circuit.",
-    )
-    duration: Seconds = Field(gt=0, le=3600)
-    pushes: tuple[Push, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    sensor_noise: SensorNoise = SensorNoise()
-    jitter: Jitter = Jitter()
-    plant: Plant = Field(
-        default=Plant(), description="How robot and floor differ from those that the walk is planned for."
-    )
-    sensor_delay: Seconds = Field(
-        default=0.0, ge=0, description="What the controller reads is this old; whole control steps."
-    )
-    seed: int = Field(default=0, ge=0)
-    thresholds: Thresholds
-
-    _document: Document = PrivateAttr(default=Document("", None, {}))
+class _ReferenceItem(FileModel):
+    """Base of `reference`: one kind with its settings."""
 
     @model_validator(mode="after")
-    def _pushes_end(self) -> Scenario:
-        if late := [fault for fault in self.faults if fault.start >= self.duration]:
-            message = f"the fault of {late[0].cell} starts after the end; allowed: before {self.duration:g} s"
+    def _one(self) -> _ReferenceItem:
+        if len(self.model_fields_set) != 1:
+            found = ", ".join(sorted(self.model_fields_set)) or "nothing"
+            message = f"found {found}; allowed: one kind of reference"
             raise ValueError(message)
         return self
 
+
+class _Measures(FileModel):
+    """Base of `measures`: expressions by name, and kinds of measures with their settings."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, str] = Field(init=False)
+
+
+@cache
+def scenario_class() -> type[Scenario]:
+    """`Scenario` with the kinds of disturbances, references and measures that are registered."""
+    references: dict[str, Any] = {
+        kind: (made.settings | None, Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]))
+        for kind, made in REFERENCES.kinds.items()
+    }
+    measures: dict[str, Any] = {kind: (made | None, None) for kind, made in MEASURES.kinds.items()}
+    item: Any = item_class()
+    reference: Any = create_model("Reference", __base__=_ReferenceItem, **references)
+    measure: Any = create_model("Measures", __base__=_Measures, **measures)
+    fields: dict[str, Any] = {
+        "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
+        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls the robot, in order.")),
+        "measures": (measure, Field(default=measure(), description="What is told of a run, by name.")),
+    }
+    return create_model("Scenario", __base__=Scenario, **fields)
+
+
+class Scenario(FileModel):
+    """A simulation.
+
+    Every field takes what a file may say, or, in Python, an object: a `Robot`, a `Controller`, a
+    `CircuitGraph`, a `Reference`, a list of disturbances.
+    """
+
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+
+    scenario: str = Field(default="scenario", description="Name.")
+    description: str = ""
+    robot: Any = Field(description="A shipped robot, or the path of a robot.yaml.")
+    servo_profile: str | None = Field(
+        default=None, description="A set of servos of the robot file; its own if absent."
+    )
+    reference: Any = None
+    controller: Any = Field(
+        default=None, description="open_loop, circuit, or the name or path of a controller file."
+    )
+    circuit: Any = Field(default=None, description="The circuit of the controller named circuit: a shipped one or a path.")
+    connect: _Sides = Field(default=_Sides(), description="Joins names of the circuit to those of the robot.")
+    silenced: tuple[str, ...] = Field(
+        default=(),
+        description="Neurons or inputs of the circuit that send nothing, and connections that carry nothing, "
+        "such as q1 or q1 -> p1.",
+    )
+    control_step: Seconds | None = Field(
+        default=None, gt=0, description="That of the reference, else that of the circuit, if absent."
+    )
+    duration: Seconds = Field(gt=0, le=LONGEST_S)
+    disturbances: Any = ()
+    until: str | None = Field(default=None, description="Condition that ends the run.")
+    measures: Any = Field(default_factory=dict)
+    seed: int = Field(default=0, ge=0)
+
+    _document: Document = PrivateAttr(default=Document("", None, {}))
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Scenario:  # noqa: ANN401, ARG004 - pydantic's
+        """Make a scenario that knows all registered kinds."""
+        made = scenario_class() if cls is Scenario else cls
+        return super().__new__(made)
+
+    def __init__(self, **data: Any) -> None:  # noqa: ANN401 - the fields
+        """Take values or objects for the fields; see the class."""
+        if isinstance(found := data.get("disturbances"), list | tuple):
+            data["disturbances"] = tuple({d.kind: d} if isinstance(d, Disturbance) else d for d in found)
+        if isinstance(reference := data.get("reference"), Reference):
+            data.pop("reference")
+            super().__init__(**data)
+            object.__setattr__(self, "reference", reference)
+            return
+        super().__init__(**data)
+
+    @model_validator(mode="after")
+    def _takes(self) -> Scenario:
+        for key, kinds, allowed in (
+            ("robot", (str, Path, Robot), "the name of a robot, the path of a robot file, or a Robot"),
+            ("circuit", (str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
+        ):
+            if not isinstance(found := getattr(self, key), kinds):
+                message = f"{key}: found {describe(found) if isinstance(found, dict | list) else found}; allowed: {allowed}"
+                raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError
+        if isinstance(self.controller, int | float | dict | list):
+            message = f"controller: found {describe(self.controller)}; allowed: a name, a path, or a Controller"
+            raise ValueError(message)
+        return self
+
+    @cached_property
+    def befalling(self) -> tuple[Disturbance, ...]:
+        """The disturbances themselves."""
+        return tuple(item.disturbance for item in self.disturbances)
+
+    @property
+    def pushes(self) -> tuple[Push, ...]:
+        """The pushes among the disturbances."""
+        return tuple(each for each in self.befalling if isinstance(each, Push))
+
+    @cached_property
+    def formulas(self) -> dict[str, str]:
+        """The measures that are expressions, by name; `survived` unless the scenario has its own."""
+        extra = getattr(self.measures, "__pydantic_extra__", None)
+        own = dict(extra if extra is not None else self.measures or {})
+        return own if "survived" in own else {"survived": "not ended", **own}
+
+    @cached_property
+    def measure_kinds(self) -> tuple[Any, ...]:
+        """The measures of registered kinds."""
+        found = [getattr(self.measures, kind, None) for kind in MEASURES.kinds]
+        return tuple(each for each in found if each is not None)
+
+    def made_reference(self) -> Reference:
+        """The reference: what the file says, or the object; to hold the start if there is none.
+
+        Raises:
+            InputError: A file that it names is wrong or missing.
+        """
+        if isinstance(self.reference, Reference):
+            return self.reference
+        if self.reference is None:
+            return Reference()
+        kind = next(iter(self.reference.model_fields_set))
+        with self.located(f"reference.{kind}"):
+            return REFERENCES[kind].read(getattr(self.reference, kind), self._document)
+
+    def with_disturbances(self, disturbances: tuple[Disturbance, ...]) -> Scenario:
+        """The same scenario with others."""
+        item = item_class()
+        changed = self.model_copy(
+            update={"disturbances": tuple(item(**{each.kind: each}) for each in disturbances)}
+        )
+        changed.__dict__.pop("befalling", None)
+        return changed
+
     def file(self, name: str) -> str:
         """A file that the scenario names, from the scenario's own folder if it is a relative path."""
-        path = Path(name)
-        beside = Path(self._document.path).parent / path
-        return str(beside) if (path.suffix and not path.is_absolute() and beside.is_file()) else name
+        return beside(name, self._document)
 
     @contextmanager
     def located(self, key: str) -> Iterator[None]:
@@ -197,8 +211,29 @@ class Scenario(FileModel):
 
     def _here(self, problem: Problem, key: str) -> Problem:
         where = problem.where or key
-        place = next((place for place in self._document.marks if place_text(place) == where), (key,))
-        return replace(self._document.problem(place, problem.message, problem.hint), where=where)
+        for length in range(len(parts := where.split(".")), 0, -1):
+            shorter = ".".join(parts[:length])
+            place = next((place for place in self._document.marks if place_text(place) == shorter), None)
+            if place is not None:
+                return replace(self._document.problem(place, problem.message, problem.hint), where=where)
+        if not self._document.path:
+            return replace(problem, where=where)
+        return replace(self._document.problem((key.partition(".")[0],), problem.message, problem.hint), where=where)
+
+    def problem_in(self, key: str, name: str, message: str, offset: int) -> Problem:
+        """A complaint about the text of an expression, such as `measures` and the name of one."""
+        place = (key, name) if name else (key,)
+        if place not in self._document.marks:
+            return Problem("", 0, 0, place_text(place), message)
+        return self._document.problem(place, message, offset=offset)
+
+
+def beside(name: str, document: Document) -> str:
+    """A file that a document names, from the document's own folder if it is a relative path that exists there."""
+    path = Path(name)
+    near = Path(document.path).parent / path
+    found = path.suffix and not path.is_absolute() and near.is_file()
+    return str(near) if found else name
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
@@ -210,8 +245,8 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     Raises:
         InputError: It cannot be read; says where and why.
     """
-    document = read_yaml(find_data_file(name_or_path, _FOLDER))
-    scenario = validate_model(document, Scenario)
+    document = read_yaml(find_data_file(name_or_path, FOLDER))
+    scenario = validate_model(document, scenario_class())
     scenario._document = document  # the scenario's own factory
     return scenario
 
@@ -223,7 +258,7 @@ def parse_push(text: str, scenario: Scenario) -> Push:
         InputError: The text cannot be read, or the scenario has no push to take the start from.
     """
     parts = [part.strip() for part in text.split(",")]
-    wanted = "FORCE,DURATION,DIRECTION such as 20N,200ms,inward"
+    wanted = "FORCE,DURATION,DIRECTION such as 20N,200ms,left"
     if len(parts) != 3:  # noqa: PLR2004 - force, duration and direction
         raise InputError(Problem("", 0, 0, "--push", f"found '{text}'; allowed: {wanted}"))
     if not scenario.pushes:
@@ -243,8 +278,21 @@ def parse_push(text: str, scenario: Scenario) -> Push:
             raise InputError(Problem("", 0, 0, f"--push: {key}", message))
         values.append(quantity.value_si)
     try:
-        direction = str(_direction(parts[2]))
+        direction = check_direction(parts[2])
     except ValueError as error:
         raise InputError(Problem("", 0, 0, "--push: direction", str(error))) from error
-    change = {"force": values[0], "duration": values[1], "direction": direction}
+    change = {"force": values[0], "duration": values[1], "direction": direction, "torque": None}
     return scenario.pushes[0].model_copy(update=change)
+
+
+def with_push(scenario: Scenario, push: Push | None) -> tuple[Disturbance, ...]:
+    """The disturbances of a scenario with one push in the place of all of its pushes; as they are if None."""
+    if push is None:
+        return scenario.befalling
+    kept: list[Disturbance] = []
+    for each in scenario.befalling:
+        if not isinstance(each, Push):
+            kept.append(each)
+        elif not any(isinstance(other, Push) for other in kept):
+            kept.append(push)
+    return tuple(kept)

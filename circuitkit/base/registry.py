@@ -1,0 +1,89 @@
+"""Kinds that register themselves: our own by lying in a package, those of others through entry points."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
+from typing import ClassVar, Generic, Protocol, TypeVar
+
+from circuitkit.base.errors import UnknownNameError
+
+
+class Kind(Protocol):
+    """A class that can be registered.
+
+    Attributes:
+        kind: The word by which files name it.
+    """
+
+    kind: ClassVar[str]
+
+
+KindT = TypeVar("KindT", bound=Kind)
+
+
+class Registry(Generic[KindT]):
+    """All kinds of one sort, such as the references or the disturbances.
+
+    A kind is a class derived from `base` with a `kind` of its own. It is found in any module of `package`, and
+    in what the entry points of the group `circuitkit.WORD` name: a class, a module, or a package of modules.
+    """
+
+    def __init__(self, word: str, base: type[KindT], package: str | None = None) -> None:
+        """Describe where to look.
+
+        Args:
+            word: What they are, in the plural, such as "references".
+            base: What they are derived from.
+            package: Where our own lie.
+        """
+        self.word = word
+        self._base = base
+        self._package = package
+        self.broken: dict[str, Exception] = {}
+
+    @cached_property
+    def kinds(self) -> Mapping[str, type[KindT]]:
+        """The classes by their `kind`, in alphabetical order. A plug-in that fails goes to `broken`."""
+        found = {each.kind: each for each in self._own()}
+        for point in entry_points(group=f"circuitkit.{self.word}"):
+            try:
+                found |= {each.kind: each for each in self._of(point)}
+            except Exception as error:  # noqa: BLE001 - a plug-in of others may fail in any way, and must not stop us
+                self.broken[point.name] = error
+        return dict(sorted(found.items()))
+
+    def __getitem__(self, kind: str) -> type[KindT]:
+        """The class of a kind.
+
+        Raises:
+            UnknownNameError: There is none; lists those there are.
+        """
+        if kind not in self.kinds:
+            raise UnknownNameError(f"kind of {self.word}", kind, self.kinds)
+        return self.kinds[kind]
+
+    def _own(self) -> Iterator[type[KindT]]:
+        if self._package is not None:
+            yield from self._in_module(importlib.import_module(self._package))
+
+    def _of(self, point: EntryPoint) -> Iterator[type[KindT]]:
+        loaded = point.load()
+        if isinstance(loaded, ModuleType):
+            yield from self._in_module(loaded)
+        else:
+            yield loaded
+
+    def _in_module(self, module: ModuleType) -> Iterator[type[KindT]]:
+        modules = [module]
+        for found in pkgutil.iter_modules(getattr(module, "__path__", ())):
+            modules.append(importlib.import_module(f"{module.__name__}.{found.name}"))
+        for each in modules:
+            for _, value in inspect.getmembers(each, inspect.isclass):
+                if issubclass(value, self._base) and value.__module__ == each.__name__ and "kind" in vars(value):
+                    yield value

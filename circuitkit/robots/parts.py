@@ -1,0 +1,366 @@
+"""What expressions may name of an MJCF: sensors, joints, bodies, actuators, contacts.
+
+Each reference, such as `position(torso, x)`, becomes numbers of MuJoCo's `sensordata`: of a sensor that the MJCF
+has, or of one that is added to the compiled model. Adding a sensor changes no bit of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import mujoco
+
+from circuitkit.base.errors import ExpressionError, listing, suggest
+from circuitkit.base.units import parse_unit
+from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
+
+AXES = ("x", "y", "z")
+_OBJECT, _SENSOR = mujoco.mjtObj, mujoco.mjtSensor
+_NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts, in the world's frame
+# What a sensor's numbers are; one that is not here, such as a user's or a plug-in's, fits any unit.
+_UNIT_OF_TYPE = {
+    "touch": "N", "accelerometer": "m/s^2", "velocimeter": "m/s", "gyro": "rad/s", "force": "N", "torque": "N*m",
+    "rangefinder": "m", "ballquat": "1", "ballangvel": "rad/s", "framepos": "m", "framequat": "1",
+    "framexaxis": "1", "frameyaxis": "1", "framezaxis": "1", "framelinvel": "m/s", "frameangvel": "rad/s",
+    "framelinacc": "m/s^2", "frameangacc": "rad/s^2", "subtreecom": "m", "subtreelinvel": "m/s", "insidesite": "1",
+    "geomdist": "m", "geomnormal": "1", "geomfromto": "m", "e_potential": "N*m", "e_kinetic": "N*m", "clock": "s",
+}  # fmt: skip
+_WIDTHS = {"quat": 4, "fromto": 6}
+_THREE = (
+    "accelerometer velocimeter gyro force torque magnetometer ballangvel framepos framexaxis frameyaxis framezaxis "
+    "framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel subtreeangmom geomnormal"
+).split()
+
+
+class Meaning(NamedTuple):
+    """What a reference stands for.
+
+    Attributes:
+        value: An expression of columns of `sensordata`.
+        dimension: Of its value; None if any fits.
+    """
+
+    value: Expression
+    dimension: OpenDimension | None
+
+
+Arguments: TypeAlias = Sequence[str]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A function of an expression that names parts of an MJCF.
+
+    Attributes:
+        usage: As it is written, with its arguments.
+        arity: How many arguments it takes, at least and at most.
+        meaning: What it stands for, given the sensors and its arguments.
+    """
+
+    usage: str
+    arity: tuple[int, int]
+    meaning: Callable[[Sensors, Arguments], Meaning]
+
+
+_REFERENCES: dict[str, Reference] = {}
+REFERENCES: Mapping[str, Reference] = _REFERENCES
+ARITIES: Mapping[str, tuple[int, int]]
+
+
+def _dimension(unit: str) -> OpenDimension:
+    return OpenDimension(parse_unit(unit).dimension)
+
+
+def _word(kind: mujoco.mjtSensor) -> str:
+    return kind.name.removeprefix("mjSENS_").lower()
+
+
+class Sensors:
+    """The sensors of a model: those of the MJCF, and those that expressions need beside them."""
+
+    def __init__(self, mj: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
+        """Take stock of an MJCF."""
+        self._mj = mj
+        self.own = {sensor.name: sensor for sensor in mj.sensors}
+        self._added: dict[tuple[Any, ...], str] = {}
+        self._names = {
+            "body": {body.name: body for body in mj.bodies},
+            "site": {site.name: site for site in mj.sites},
+            "geom": {geom.name: geom for geom in mj.geoms},
+            "camera": {camera.name: camera for camera in mj.cameras},
+            "joint": {joint.name: joint for joint in mj.joints},
+            "tendon": {tendon.name: tendon for tendon in mj.tendons},
+            "actuator": {actuator.name: actuator for actuator in mj.actuators},
+        }
+
+    def named(self, kind: str) -> dict[str, Any]:
+        """The parts of a kind by name, such as bodies; without those that have no name."""
+        return {name: part for name, part in self._names[kind].items() if name}
+
+    def part(self, kinds: Iterable[str], name: str) -> tuple[str, Any]:
+        """Find a part; the first kind that has the name.
+
+        Raises:
+            ExpressionError: The MJCF has none; lists those it has.
+        """
+        for kind in kinds:
+            if name in self.named(kind):
+                return kind, self._names[kind][name]
+        have = [each for kind in kinds for each in self.named(kind)]
+        raise no_such(" or ".join(kinds), name, have)
+
+    def add(self, kind: mujoco.mjtSensor, obj: Any, name: str, **more: Any) -> str:  # noqa: ANN401 - as above
+        """A sensor of the compiled model; the same one for the same arguments. Returns its name."""
+        key = (kind, obj, name, *sorted((k, str(v)) for k, v in more.items()))
+        if key not in self._added:
+            own = f"circuitkit {len(self._added)} {_word(kind)} {name}"
+            intprm = more.pop("intprm", None)
+            sensor = self._mj.add_sensor(name=own, type=kind, objtype=obj, objname=name, **more)
+            if intprm is not None:
+                sensor.intprm[: len(intprm)] = intprm
+            self._added[key] = own
+        return self._added[key]
+
+
+def column(sensor: str, component: int = 0) -> Name:
+    """The name that stands for a column of `sensordata` in a bound expression."""
+    return Name(f"{sensor}\0{component}")
+
+
+def column_index(model: mujoco.MjModel, name: str) -> int:
+    """Which column of `sensordata` a name made by `column` is."""
+    sensor, _, component = name.partition("\0")
+    return int(model.sensor(sensor).adr[0]) + int(component)
+
+
+def no_such(kind: str, name: str, have: Iterable[str]) -> ExpressionError:
+    """An error that lists the parts of the MJCF that there are."""
+    names = list(have)
+    hint = suggest(name, names)
+    message = f"the MJCF has no {kind} '{name}'; allowed: {listing(names)}"
+    return ExpressionError(f"{message}; {hint}" if hint else message)
+
+
+def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDimension]) -> tuple[Expression, Expression]:
+    """Replace the references of an expression.
+
+    Args:
+        expression: The tree as parsed, with a `Call` for each reference.
+        sensors: Of the model.
+        dimensions: Takes the dimension of each reference, by the name that stands for it.
+
+    Returns:
+        The tree with a name for each reference, whose units can be checked, and the tree of columns.
+
+    Raises:
+        ExpressionError: The MJCF lacks a part; says where in the text.
+    """
+    match expression:
+        case Call(function=function, arguments=arguments) if function in _REFERENCES:
+            words = [each.name if isinstance(each, Name) else f"{each.value:g}" for each in arguments if isinstance(each, Name | Number)]
+            try:
+                meaning = _REFERENCES[function].meaning(sensors, words)
+            except ExpressionError as error:
+                raise ExpressionError(str(error), expression.offset) from error
+            text = f"{function}({', '.join(words)})"
+            if meaning.dimension is None:
+                return Number(0.0, offset=expression.offset), meaning.value  # 0 fits any unit
+            dimensions[text] = meaning.dimension
+            return Name(text, offset=expression.offset), meaning.value
+        case Unary(operator=sign, operand=operand):
+            shown, value = bind(operand, sensors, dimensions)
+            return Unary(sign, shown, offset=expression.offset), Unary(sign, value)
+        case Binary(operator=joint, left=left, right=right):
+            (a, b), (c, d) = bind(left, sensors, dimensions), bind(right, sensors, dimensions)
+            return Binary(joint, a, c, offset=expression.offset), Binary(joint, b, d)
+        case Call(function=function, arguments=arguments):
+            both = [bind(each, sensors, dimensions) for each in arguments]
+            return (
+                Call(function, tuple(a for a, _ in both), offset=expression.offset),
+                Call(function, tuple(b for _, b in both)),
+            )
+    return expression, expression
+
+
+def _reference(usage: str, least: int, most: int | None = None) -> Callable[[Callable[[Sensors, Arguments], Meaning]], None]:
+    """Register a reference by how it is written."""
+
+    def register(meaning: Callable[[Sensors, Arguments], Meaning]) -> None:
+        _REFERENCES[usage.partition("(")[0]] = Reference(usage, (least, most or least), meaning)
+
+    return register
+
+
+def _axis(word: str) -> int:
+    if word not in AXES:
+        message = f"found the axis '{word}'; allowed: x, y or z"
+        raise ExpressionError(message)
+    return AXES.index(word)
+
+
+def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as above
+    """Position, rate or force of a hinge or a slide."""
+    if joint.type not in {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}:
+        message = f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge or a slide"
+        raise ExpressionError(message)
+    hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
+    units = {"jointpos": ("rad", "m"), "jointvel": ("rad/s", "m/s"), "jointactfrc": ("N*m", "N")}
+    return _dimension(units[sensor][0 if hinge else 1])
+
+
+def _width(sensor: Any) -> int:  # noqa: ANN401 - as above
+    word = _word(sensor.type)
+    if word in _THREE:
+        return 3
+    return next((width for ending, width in _WIDTHS.items() if word.endswith(ending)), 1)
+
+
+@_reference("sensor(NAME, component)", 1, 2)
+def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
+    name = arguments[0]
+    if name not in sensors.own:
+        raise no_such("sensor", name, (each for each in sensors.own if each))
+    sensor, component = sensors.own[name], 0
+    word, width = _word(sensor.type), _width(sensor)
+    if len(arguments) > 1:
+        part = arguments[1]
+        component = AXES.index(part) if part in AXES else int(part) if part.isdigit() else -1
+        if component < 0 or (word in _UNIT_OF_TYPE and component >= width):
+            message = f"found the component '{part}' of the sensor '{name}'; allowed: x, y, z, or a number from 0 to {width - 1}"
+            raise ExpressionError(message)
+    elif width > 1:
+        message = f"the sensor '{name}' has {width} numbers; allowed: one of them, such as sensor({name}, x)"
+        raise ExpressionError(message)
+    if word in {"jointpos", "jointvel", "jointactfrc"}:
+        return Meaning(column(name), _of_joint(sensors.part(["joint"], sensor.objname)[1], word))
+    unit = _UNIT_OF_TYPE.get(word)
+    return Meaning(column(name, component), None if unit is None else _dimension(unit))
+
+
+def _joint_sensor(usage: str, kind: mujoco.mjtSensor) -> None:
+    @_reference(usage, 1)
+    def _joint(sensors: Sensors, arguments: Arguments) -> Meaning:
+        _, joint = sensors.part(["joint"], arguments[0])
+        dimension = _of_joint(joint, _word(kind))
+        return Meaning(column(sensors.add(kind, _OBJECT.mjOBJ_JOINT, arguments[0])), dimension)
+
+
+_joint_sensor("joint(NAME)", _SENSOR.mjSENS_JOINTPOS)
+_joint_sensor("rate(NAME)", _SENSOR.mjSENS_JOINTVEL)
+_joint_sensor("force(JOINT)", _SENSOR.mjSENS_JOINTACTFRC)
+
+
+def _scalar_sensor(usage: str, part: str, obj: mujoco.mjtObj, kind: mujoco.mjtSensor) -> None:
+    """A number of a tendon or of an actuator, whose unit depends on what it pulls: it fits any."""
+
+    @_reference(usage, 1)
+    def _scalar(sensors: Sensors, arguments: Arguments) -> Meaning:
+        sensors.part([part], arguments[0])
+        return Meaning(column(sensors.add(kind, obj, arguments[0])), None)
+
+
+_scalar_sensor("tendon(NAME)", "tendon", _OBJECT.mjOBJ_TENDON, _SENSOR.mjSENS_TENDONPOS)
+_scalar_sensor("tendon_rate(NAME)", "tendon", _OBJECT.mjOBJ_TENDON, _SENSOR.mjSENS_TENDONVEL)
+_scalar_sensor("actuator_length(NAME)", "actuator", _OBJECT.mjOBJ_ACTUATOR, _SENSOR.mjSENS_ACTUATORPOS)
+_scalar_sensor("actuator_velocity(NAME)", "actuator", _OBJECT.mjOBJ_ACTUATOR, _SENSOR.mjSENS_ACTUATORVEL)
+_scalar_sensor("actuator_force(NAME)", "actuator", _OBJECT.mjOBJ_ACTUATOR, _SENSOR.mjSENS_ACTUATORFRC)
+
+# A body's own frame is XBODY; BODY would be that of its principal axes of inertia.
+_FRAME = {
+    "body": _OBJECT.mjOBJ_XBODY,
+    "site": _OBJECT.mjOBJ_SITE,
+    "geom": _OBJECT.mjOBJ_GEOM,
+    "camera": _OBJECT.mjOBJ_CAMERA,
+}
+
+
+def _frame(sensors: Sensors, kind: mujoco.mjtSensor, name: str) -> tuple[Name, Name, Name]:
+    """Three columns about the frame of a body, site, geom or camera."""
+    what, _ = sensors.part(_FRAME, name)
+    sensor = sensors.add(kind, _FRAME[what], name)
+    return column(sensor, 0), column(sensor, 1), column(sensor, 2)
+
+
+def _vector(usage: str, kind: mujoco.mjtSensor, unit: str) -> None:
+    @_reference(usage, 2)
+    def _component(sensors: Sensors, arguments: Arguments) -> Meaning:
+        return Meaning(_frame(sensors, kind, arguments[0])[_axis(arguments[1])], _dimension(unit))
+
+
+_vector("position(PART, axis)", _SENSOR.mjSENS_FRAMEPOS, "m")
+_vector("velocity(PART, axis)", _SENSOR.mjSENS_FRAMELINVEL, "m/s")
+_vector("acceleration(PART, axis)", _SENSOR.mjSENS_FRAMELINACC, "m/s^2")
+_vector("angular_velocity(PART, axis)", _SENSOR.mjSENS_FRAMEANGVEL, "rad/s")
+_vector("ahead(PART, axis)", _SENSOR.mjSENS_FRAMEXAXIS, "1")
+_vector("side(PART, axis)", _SENSOR.mjSENS_FRAMEYAXIS, "1")
+_vector("up(PART, axis)", _SENSOR.mjSENS_FRAMEZAXIS, "1")
+
+
+def _subtree(usage: str, kind: mujoco.mjtSensor, unit: str) -> None:
+    @_reference(usage, 2)
+    def _component(sensors: Sensors, arguments: Arguments) -> Meaning:
+        sensors.part(["body"], arguments[0])
+        sensor = sensors.add(kind, _OBJECT.mjOBJ_BODY, arguments[0])
+        return Meaning(column(sensor, _axis(arguments[1])), _dimension(unit))
+
+
+_subtree("com(BODY, axis)", _SENSOR.mjSENS_SUBTREECOM, "m")
+_subtree("com_velocity(BODY, axis)", _SENSOR.mjSENS_SUBTREELINVEL, "m/s")
+
+
+def _call(function: str, *arguments: Expression) -> Call:
+    return Call(function, arguments)
+
+
+@_reference("yaw(PART)", 1)
+def _yaw(sensors: Sensors, arguments: Arguments) -> Meaning:
+    x, y, _ = _frame(sensors, _SENSOR.mjSENS_FRAMEXAXIS, arguments[0])
+    return Meaning(_call("atan2", y, x), _dimension("rad"))
+
+
+@_reference("pitch(PART)", 1)
+def _pitch(sensors: Sensors, arguments: Arguments) -> Meaning:
+    x, y, z = _frame(sensors, _SENSOR.mjSENS_FRAMEXAXIS, arguments[0])
+    return Meaning(_call("atan2", Unary("-", z), _call("hypot", x, y)), _dimension("rad"))
+
+
+@_reference("roll(PART)", 1)
+def _roll(sensors: Sensors, arguments: Arguments) -> Meaning:
+    side = _frame(sensors, _SENSOR.mjSENS_FRAMEYAXIS, arguments[0])[2]
+    up = _frame(sensors, _SENSOR.mjSENS_FRAMEZAXIS, arguments[0])[2]
+    return Meaning(_call("atan2", side, up), _dimension("rad"))
+
+
+def _length(x: Expression, y: Expression, z: Expression) -> Expression:
+    return _call("hypot", _call("hypot", x, y), z)
+
+
+@_reference("distance(PART, PART)", 2)
+def _distance(sensors: Sensors, arguments: Arguments) -> Meaning:
+    first, second = (_frame(sensors, _SENSOR.mjSENS_FRAMEPOS, name) for name in arguments)
+    return Meaning(_length(*(Binary("-", a, b) for a, b in zip(first, second, strict=True))), _dimension("m"))
+
+
+@_reference("contact(BODY, OTHER, axis)", 1, 3)
+def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
+    """The net force of all contacts on a body and what it carries, from anything or from one body or geom."""
+    words = list(arguments)
+    axis = words.pop() if len(words) > 1 and words[-1] in AXES else None
+    sensors.part(["body"], words[0])
+    more: dict[str, Any] = {"reftype": _OBJECT.mjOBJ_XBODY, "refname": words[0]}
+    obj, name = _OBJECT.mjOBJ_UNKNOWN, ""
+    if len(words) > 1:
+        what, _ = sensors.part(("body", "geom"), words[1])
+        obj, name = (_OBJECT.mjOBJ_GEOM if what == "geom" else _OBJECT.mjOBJ_XBODY), words[1]
+    force = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE)
+    sensor = sensors.add(_SENSOR.mjSENS_CONTACT, obj, name, intprm=(force, _NET_FORCE, 1), **more)
+    columns = [column(sensor, i) for i in range(3)]
+    value = _length(columns[0], columns[1], columns[2]) if axis is None else columns[_axis(axis)]
+    return Meaning(value, _dimension("N"))
+
+
+ARITIES = {name: reference.arity for name, reference in _REFERENCES.items()}
+__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "bind", "column", "column_index", "no_such"]

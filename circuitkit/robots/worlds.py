@@ -1,0 +1,161 @@
+"""B robots in MuJoCo, stepped together: commands in, sensor readings out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.robots.channels import Array
+from circuitkit.robots.model import RobotModel
+
+_NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+_WHOLE = 1e-6  # far below a time step
+
+
+def substeps_of(robot: RobotModel, step_s: float) -> int:
+    """How many time steps of the model a control step has.
+
+    Raises:
+        InputError: It is no whole number of them.
+    """
+    timestep = robot.model.opt.timestep
+    count = step_s / timestep
+    if abs(count - round(count)) > _WHOLE or round(count) == 0:
+        fitting = step_s / max(round(np.ceil(count)), 1)
+        message = (
+            f"found a control step of {step_s * 1e3:g} ms; allowed: a multiple of the model's time step of "
+            f"{timestep * 1e3:g} ms; or set timestep: {fitting * 1e3:g} ms in the robot file"
+        )
+        raise InputError(Problem("", 0, 0, "control_step", message))
+    return round(count)
+
+
+class Worlds:
+    """B worlds with a robot each; a controller adds its commands to what a reference holds.
+
+    Attributes:
+        robot: What they are.
+        batch: B.
+        readings: Sensor readings after the last `advance`, live; shape (B, s).
+        qpos: Positions after the last `advance`, live; shape (B, nq).
+        qvel: Velocities, live; shape (B, nv).
+        physics: MuJoCo's batch, for what disturbances change.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        step_s: float,
+        targets: Array,
+        start_qpos: Array,
+        commands: Sequence[str] = (),
+        batch: int = 1,
+        threads: int | None = None,
+    ) -> None:
+        """Set up B robots at their start.
+
+        Args:
+            robot: What they are.
+            step_s: The control step.
+            targets: Controls that the reference wants: (T, nu), or (1, nu) for all ticks alike.
+            start_qpos: Positions at the start; shape (nq,).
+            commands: Which commands the columns of `advance`'s are.
+            batch: B.
+            threads: Threads that step them; by default as many as there are processors, one for one robot.
+
+        Raises:
+            UnknownNameError: The robot does not have one of the commands.
+            InputError: The control step is no multiple of the model's time step.
+        """
+        model = robot.model
+        self.robot = robot
+        self.batch = batch
+        self._substeps = substeps_of(robot, step_s)
+        count = min(batch, threads) if threads else (1 if batch == 1 else 0)
+        self.physics = Batch(model, batch, nthread=count)
+        self._targets, self._last_target = targets, len(targets) - 1
+        self._mixing, self._limits = _mixing(robot, commands)
+        self._ctrl = self.physics.bind("ctrl")
+        self._force = self.physics.bind("xfrc_applied")
+        self.qpos, self.qvel = self.physics.bind("qpos"), self.physics.bind("qvel")
+        self.readings = self.physics.bind("sensordata") if model.nsensordata else np.zeros((batch, 0))
+        self._skips = self._substeps > 1 and not _sensors_remember(model)
+        if self._skips:
+            self._flags = self.physics.expand("opt.disableflags")
+        self._seeing = int(model.opt.disableflags)
+        self._stepped: NDArray[np.int32] | None = None
+        self.qpos[:] = start_qpos
+        self._ctrl[:] = targets[0]
+
+    def begin(self) -> None:
+        """Work out the readings at the start, once the state is what it shall be."""
+        self.physics.forward()
+
+    def push(self, body: int, force: Array, torque: Array | None = None) -> None:
+        """Push a body from now on, with forces at its centre of mass and torques; world frame.
+
+        Args:
+            body: Its number.
+            force: Shape (B, 3), [N].
+            torque: Shape (B, 3), [N m]; as it was if None.
+        """
+        self._force[:, body, :3] = force
+        if torque is not None:
+            self._force[:, body, 3:] = torque
+
+    def stop(self, robots: NDArray[np.bool_]) -> None:
+        """From now on time stands still for these robots, of all of them; shape (B,).
+
+        Their readings stay what they are, and `advance` costs less.
+        """
+        going = np.flatnonzero(~robots)
+        self._stepped = None if len(going) == self.batch else going.astype(np.int32)
+
+    def advance(self, tick: int, commands: Array) -> None:
+        """Send what the reference wants at a tick plus the commands, and let one control step pass.
+
+        Sensors have no memory here, and nobody reads them between two control steps: they are worked out in
+        the last time step only, which leaves every bit as it is and saves a fifth of the time.
+
+        Args:
+            tick: Row of the targets.
+            commands: Shape (B, m), SI units.
+        """
+        if self._limits is not None:
+            commands = np.clip(commands, *self._limits)
+        np.vecdot(commands[:, None], self._mixing, self._ctrl)
+        np.add(self._ctrl, self._targets[min(tick, self._last_target)], self._ctrl)
+        if self._skips:
+            self._flags[:] = self._seeing | _NO_SENSORS
+            self.physics.step(self._stepped, self._substeps - 1)
+            self._flags[:] = self._seeing
+            self.physics.step(self._stepped)
+        else:
+            self.physics.step(self._stepped, self._substeps)
+
+
+def _sensors_remember(model: mujoco.MjModel) -> bool:
+    """Whether a sensor must see every time step: delayed ones, and those of plug-ins."""
+    plugged = bool((model.sensor_plugin >= 0).any()) if model.nsensor else False
+    return plugged or int(getattr(model, "nhistory", 0)) > 0
+
+
+def _mixing(robot: RobotModel, names: Sequence[str]) -> tuple[Array, tuple[Array, Array] | None]:
+    """Weights of the commands for each actuator, shape (nu, m), and the limits of the commands, if any."""
+    matrix = np.zeros((robot.model.nu, len(names)))
+    low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for i, name in enumerate(names):
+        if name not in robot.commands:
+            kind = "command of the robot"
+            raise UnknownNameError(kind, name, robot.commands)
+        command = robot.commands[name]
+        matrix[:, i] = command.factors
+        if command.limits is not None:
+            low[i], high[i] = command.limits
+    limited = bool(np.isfinite(low).any())
+    return matrix, (low, high) if limited else None

@@ -1,0 +1,61 @@
+"""Bodies that differ from what is known of the robot."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import mujoco
+from pydantic import Field, model_validator
+
+from circuitkit.base.source.fields import Kilograms, Ratio
+from circuitkit.robots import RobotModel
+from circuitkit.simulation.disturbance import Disturbance
+
+
+class Body(Disturbance):
+    """A body whose mass or friction differs, for the whole run; controllers and references do not know."""
+
+    kind: ClassVar[str] = "body"
+
+    body: str = Field(default="*", description="Name of a body, with * for any letters; * is all of them.")
+    mass: Ratio = Field(default=1.0, gt=0, le=10, description="Factor for its mass and inertia.")
+    payload: Kilograms | None = Field(default=None, gt=0, description="A point mass at its centre of mass.")
+    friction: Ratio | None = Field(
+        default=None, gt=0, le=10, description="Sliding friction of what touches it; of everything for *."
+    )
+
+    @model_validator(mode="after")
+    def _one_for_payload(self) -> Body:
+        if self.payload is not None and "*" in self.body:
+            message = f"found a payload for '{self.body}'; allowed: the name of one body"
+            raise ValueError(message)
+        return self
+
+    @property
+    def changes_model(self) -> bool:
+        """Unless it changes nothing."""
+        return self.mass != 1.0 or self.payload is not None or self.friction is not None
+
+    def change(self, robot: RobotModel) -> None:
+        """Change masses and friction of the compiled model."""
+        model = robot.model
+        bodies = [robot.number("body", self.body)] if "*" not in self.body else robot.matching("body", self.body)
+        if self.mass != 1.0:
+            model.body_mass[bodies] *= self.mass
+            model.body_inertia[bodies] *= self.mass
+        if self.payload is not None:
+            model.body_mass[bodies[0]] += self.payload
+        if self.mass != 1.0 or self.payload is not None:
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+        if self.friction is not None:
+            self._rub(model, bodies)
+
+    def _rub(self, model: mujoco.MjModel, bodies: list[int]) -> None:
+        """Give the geoms their friction. Of two geoms that touch, the higher priority, else the rougher counts."""
+        everything = self.body == "*"
+        for geom in range(model.ngeom):
+            if everything:
+                model.geom_friction[geom, 0] = self.friction
+            elif int(model.geom_bodyid[geom]) in bodies:
+                model.geom_friction[geom, 0] = self.friction
+                model.geom_priority[geom] += 1

@@ -1,0 +1,168 @@
+"""A force or a torque on a body."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar, NamedTuple
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+
+from circuitkit.base.errors import InputError, Problem, UnknownNameError, listing, suggest
+from circuitkit.base.source import describe
+from circuitkit.base.source.fields import Metres, NewtonMetres, Newtons, Seconds
+from circuitkit.base.units import UnitError, parse_quantity, parse_unit
+from circuitkit.control import Array
+from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start
+from circuitkit.simulation.reference import Moment
+
+_HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit
+_LARGEST_ANGLE_RAD = math.radians(360) * (1 + 1e-9)  # once round, however it is written
+
+DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
+    "forward": (1.0, 0.0, 0.0),
+    "backward": (-1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+    "up": (0.0, 0.0, 1.0),
+    "down": (0.0, 0.0, -1.0),
+}
+
+
+def check_direction(value: str) -> str:
+    """Refuse an angle of more than once round; words are looked up when the reference is known."""
+    if _is_angle(value) and not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
+        message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
+        raise ValueError(message)
+    if not _is_angle(value) and not value.replace("_", "").isalpha():
+        message = f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 deg'"
+        raise ValueError(message)
+    return value
+
+
+def _is_angle(text: str) -> bool:
+    try:
+        return parse_quantity(text).dimension == parse_unit("rad").dimension
+    except UnitError:
+        return False
+
+
+class Push(Disturbance):
+    """A force on a body, or a torque, for a while."""
+
+    kind: ClassVar[str] = "push"
+    per_robot: ClassVar[bool] = True
+
+    body: str = Field(description="A body of the MJCF, or what a block of the robot file calls one, such as torso.")
+    force: Newtons | None = Field(default=None, ge=0)
+    torque: NewtonMetres | None = Field(default=None, ge=0, description="About `direction`, instead of a force.")
+    direction: Annotated[str, AfterValidator(check_direction)] = Field(
+        description="forward, backward, left, right, up, down, what the reference knows (such as inward, towards a "
+        "lifted foot), or an angle: 0 deg is forward, 90 deg to the left."
+    )
+    duration: Seconds = Field(gt=0)
+    height: Metres = Field(
+        default=0.0,
+        ge=-_HIGHEST_M,
+        le=_HIGHEST_M,
+        description="Where it acts: so far above the body's centre of mass, or below if negative.",
+    )
+    at: tuple[Metres, Metres, Metres] | None = Field(
+        default=None, description="Where it acts, from the body's centre of mass, along x, y and z; instead of height."
+    )
+    start: Start = Field(description="A time such as 5 s, or a moment of the reference.")
+
+    @model_validator(mode="after")
+    def _force_or_torque(self) -> Push:
+        if (self.force is None) == (self.torque is None):
+            found = "neither force nor torque" if self.force is None else "both force and torque"
+            message = f"found {found}; allowed: one of them"
+            raise ValueError(message)
+        if self.at is not None and self.height:
+            message = "found both at and height; allowed: one of them"
+            raise ValueError(message)
+        return self
+
+    @property
+    def lever_m(self) -> Array:
+        """Where it acts from the body's centre of mass; shape (3,)."""
+        return np.array([0.0, 0.0, self.height] if self.at is None else self.at)
+
+    def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
+        """Add the push to those on the same body."""
+        try:
+            body = effects.robot.number("body", self.body)
+        except UnknownNameError as error:
+            problem = error.problems[0]
+            raise InputError(Problem("", 0, 0, f"{where}.body", problem.message, problem.hint)) from error
+        moment = effects.moment(self.start, where)
+        way = direction_of(self.direction, moment, f"{where}.direction")
+        for i in robots:
+            start = max(moment.time_s + float(effects.shift_s[i]), 0.0)
+            end = start + self.duration
+            force = (self.force or 0.0) * way
+            turn = self.torque * way if self.torque is not None else None
+            _pushes_of(effects).setdefault(body, []).append(_Acting(i, start, end, force, self.lever_m, turn))
+            if np.isnan(effects.windows_s[i, 0]):
+                effects.windows_s[i] = start, end
+
+
+def direction_of(name: str, moment: Moment, where: str = "direction") -> Array:
+    """Unit vector of a direction, world frame; an angle is from forward towards the left.
+
+    Raises:
+        InputError: Neither the reference nor the world knows the direction.
+    """
+    if name in moment.directions:
+        return np.asarray(moment.directions[name])
+    if name in DIRECTIONS:
+        return np.array(DIRECTIONS[name])
+    if _is_angle(name):
+        angle = parse_quantity(name).value_si
+        return np.array([math.cos(angle), math.sin(angle), 0.0])
+    words = [*DIRECTIONS, *moment.directions]
+    message = f"unknown direction '{name}'; allowed: {listing(words)}, or an angle such as '15 deg'"
+    raise InputError(Problem("", 0, 0, where, message, suggest(name, words)))
+
+
+class _Acting(NamedTuple):
+    """A force on a robot's body from start to end."""
+
+    robot: int
+    start_s: float
+    end_s: float
+    force: Array
+    lever_m: Array
+    torque: Array | None
+
+
+def _pushes_of(effects: Effects) -> dict[int, list[_Acting]]:
+    """The pushes so far by body; when all are there they become one `BodyForce` a body."""
+
+    def finish(effects: Effects) -> None:
+        for body, entries in pushes.items():
+            made = _body_force(body, entries, effects.batch, effects.step_s)
+            effects.forces.append(made)
+            effects.on_worlds.append(made.hook())
+
+    pushes: dict[int, list[_Acting]] = effects.collected("pushes", dict, finish)
+    return pushes
+
+
+def _body_force(body: int, entries: list[_Acting], batch: int, dt: float) -> BodyForce:
+    """Forces of each tick; where a push covers a part of a tick, that part of its force acts all through."""
+    first = int(min(entry.start_s for entry in entries) / dt)
+    last = int(np.ceil(max(entry.end_s for entry in entries) / dt))
+    begin = (first + np.arange(last - first + 1)) * dt
+    forces = np.zeros((len(begin), batch, 3))
+    turns = any(entry.lever_m.any() or entry.torque is not None for entry in entries)
+    torques = np.zeros_like(forces) if turns else None
+    points = np.zeros((batch, 3))
+    for i, start, end, force, lever, torque in entries:
+        share = np.clip(np.minimum(end, begin + dt) - np.maximum(start, begin), 0.0, dt) / dt
+        forces[:, i] += share[:, None] * force
+        points[i] = lever
+        if torques is not None:
+            torques[:, i] += share[:, None] * (np.cross(lever, force) + (0.0 if torque is None else torque))
+    return BodyForce(body, first, forces, torques, points)

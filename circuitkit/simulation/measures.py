@@ -1,0 +1,470 @@
+"""Measures: named expressions over channels and time, which end a run, judge it, and fill every table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.base.errors import ExpressionError, InputError, Problem
+from circuitkit.base.registry import Registry
+from circuitkit.base.source import FileModel
+from circuitkit.base.units import Dimension, Unit, parse_unit
+from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension, dimension_of
+from circuitkit.circuit.expressions.expression import COMPARISONS, Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.control import Array
+from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
+from circuitkit.robots.parts import ARITIES, REFERENCES
+
+Value: TypeAlias = "float | bool | None"
+Series: TypeAlias = Callable[[Array, float], Array]
+
+ENDED, TIME = "ended", "t"
+_SECOND, _PLAIN = OpenDimension(Dimension(time=1)), NO_DIMENSION
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A function that makes one number of a channel over time.
+
+    Attributes:
+        so_far: Its value at every tick, from the values up to then and dt; (T,) to (T,).
+        dimension: Of the result, from that of the argument.
+        description: What it gives.
+    """
+
+    so_far: Series
+    dimension: Callable[[OpenDimension | None], OpenDimension | None]
+    description: str
+
+
+def _same(dimension: OpenDimension | None) -> OpenDimension | None:
+    return dimension
+
+
+def _mean_so_far(x: Array, _: float) -> Array:
+    return np.cumsum(x, axis=0) / _counting(x)
+
+
+def _counting(x: Array) -> Array:
+    """1, 2, ... along the first axis, in a shape that goes with x."""
+    return np.arange(1, len(x) + 1).reshape(-1, *(1,) * (x.ndim - 1))
+
+
+def _first_time(x: Array, dt: float) -> Array:
+    seen = np.maximum.accumulate(x != 0, axis=0)
+    first = np.argmax(x != 0, axis=0) if len(x) else 0
+    return np.where(seen, (first + 1) * dt, np.nan)
+
+
+def _begun(x: Array) -> Array:
+    holds = (x != 0).astype(np.float64)
+    return np.maximum(np.diff(holds, prepend=0.0, axis=0), 0.0)
+
+
+REDUCTIONS: Mapping[str, Reduction] = {
+    "max": Reduction(lambda x, _: np.fmax.accumulate(x, axis=0), _same, "the largest value"),
+    "min": Reduction(lambda x, _: np.fmin.accumulate(x, axis=0), _same, "the smallest value"),
+    "mean": Reduction(_mean_so_far, _same, "the mean"),
+    "rms": Reduction(lambda x, dt: np.sqrt(_mean_so_far(np.square(x), dt)), _same, "the root mean square"),
+    "total": Reduction(
+        lambda x, dt: np.cumsum(x, axis=0) * dt, lambda d: None if d is None else d.times(_SECOND), "the integral over time"
+    ),
+    "first": Reduction(lambda x, _: np.full_like(x, x[0] if len(x) else np.nan), _same, "the first value"),
+    "last": Reduction(lambda x, _: x, _same, "the last value"),
+    "duration": Reduction(
+        lambda x, dt: np.cumsum(x != 0, axis=0) * dt, lambda _: _SECOND, "how long a condition held"
+    ),
+    "count": Reduction(lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: _PLAIN, "how often a condition began to hold"),
+    "time_of": Reduction(_first_time, lambda _: _SECOND, "when a condition held first"),
+}
+_CONDITIONAL = frozenset({"duration", "count", "time_of"})
+_FUNCTIONS: Mapping[str, tuple[int, int]] = {
+    **{name: (1, 1) for name in REDUCTIONS},
+    "max": (1, 2),
+    "min": (1, 2),
+    "outside": (1, 3),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A run as measures see it; T ticks, the last one being that in which it ended.
+
+    Attributes:
+        step_s: The control step.
+        first: Number of its first tick.
+        shape: Of a channel: (T,) for one robot, or (T, B).
+        ended: Whether the scenario's `until` ended it.
+        values: Gives a channel by name.
+        bounds: For `outside`: lower and upper bound of a channel, arrays or plain numbers; None without.
+        push_s: When its first push began; not a number without one.
+        pace_s: Time after which the reference repeats itself; 0 if it does not.
+    """
+
+    step_s: float
+    first: int
+    shape: tuple[int, ...]
+    ended: bool
+    values: Callable[[str], Array]
+    bounds: Callable[[str], tuple[Any, Any] | None]
+    push_s: float
+    pace_s: float
+
+    @property
+    def ticks(self) -> int:
+        """T."""
+        return self.shape[0]
+
+    @property
+    def before_end(self) -> int:
+        """How many ticks there are before the one in which it ended."""
+        return self.ticks - 1 if self.ended else self.ticks
+
+
+class MeasureKind(FileModel):
+    """Base of the kinds of measures that plug-ins bring; see `BoundMeasure` for what it becomes in a run.
+
+    Attributes:
+        kind: The key below `measures` in a scenario.
+    """
+
+    kind: ClassVar[str]
+
+    def bind(self, plan: Any) -> BoundMeasure:  # noqa: ANN401, ARG002 - the plan, which knows measures
+        """What measures a run of this plan.
+
+        Raises:
+            InputError: The plan lacks what it needs.
+        """
+        return BoundMeasure()
+
+
+class BoundMeasure:
+    """A measure that knows its run; this one measures nothing.
+
+    Attributes:
+        channels: What it needs.
+        units: The names of what it gives, with their units.
+    """
+
+    channels: tuple[str, ...] = ()
+    units: Mapping[str, Unit] = {}  # noqa: RUF012 - never changed
+
+    def measure(self, track: Track) -> Mapping[str, Value]:  # noqa: ARG002 - for others
+        """What it gives."""
+        return {}
+
+    def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:  # noqa: ARG002
+        """Lower and upper bound of a channel for `outside`, shape (T,) each; None if it knows none."""
+        return None
+
+
+MEASURES: Registry[MeasureKind] = Registry("measures", MeasureKind)
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """An expression that measures.
+
+    Attributes:
+        text: As written.
+        tree: The expression.
+        unit: Of its value, SI.
+        is_condition: Whether its value is true or false.
+        channels: The channels that it needs.
+        references: Parts of the MJCF that it names itself, such as `position(ball, x)`; they are channels too.
+    """
+
+    text: str
+    tree: Expression
+    unit: Unit
+    is_condition: bool
+    channels: tuple[str, ...]
+    references: tuple[Call, ...]
+
+    def series(self, track: Track, firsts: list[Array] | None = None) -> Array:
+        """Its value at every tick, from the ticks so far.
+
+        Args:
+            track: The run, or a part of it.
+            firsts: The first values, where the track is a later part; takes them, where it is the first one.
+        """
+        functions = {
+            **NUMPY_FUNCTIONS,
+            **{name: partial(_reduced, each, track) for name, each in REDUCTIONS.items()},
+            "max": partial(_either, "max", track),
+            "min": partial(_either, "min", track),
+        }
+        if firsts is not None:
+            functions["first"] = _First(track, firsts)
+        values: dict[str, Any] = {name: track.values(name) for name in self.channels}
+        time = (track.first + np.arange(1, track.ticks + 1)) * track.step_s
+        flag = np.zeros(track.ticks)
+        flag[-1:] = track.ended
+        column = (slice(None), *(np.newaxis,) * (len(track.shape) - 1))
+        values |= {TIME: time[column], ENDED: flag[column]}
+        with np.errstate(all="ignore"):
+            found = _with_bounds(self.tree, track, values).evaluate(values, functions)
+        return np.broadcast_to(np.asarray(found, dtype=np.float64), track.shape)
+
+    def holds(self, track: Callable[[int], Track], begin: int, firsts: list[Array]) -> NDArray[np.bool_]:
+        """Whether a condition holds, in the ticks from `begin` on; shape (n, B).
+
+        Args:
+            track: The run of all robots from a tick on.
+            begin: The first tick that is asked for.
+            firsts: What is remembered from one call to the next.
+        """
+        if self.looks_back:
+            return np.asarray(self.series(track(0))[begin:] != 0)
+        return np.asarray(self.series(track(begin), firsts) != 0)
+
+    @cached_property
+    def looks_back(self) -> bool:
+        """Whether it needs more of the past than first values."""
+        return any(name != "first" for name in _reductions_in(self.tree))
+
+    def value(self, track: Track) -> Value:
+        """Its value at the end; None if it has none, such as the time of what never was."""
+        if track.ticks == 0:
+            return None
+        last = float(self.series(track)[-1])
+        if self.is_condition:
+            return bool(last)
+        return last if math.isfinite(last) else None
+
+
+def _reduced(reduction: Reduction, track: Track, x: Any) -> Array:  # noqa: ANN401 - a number or an array
+    return reduction.so_far(np.broadcast_to(np.asarray(x, dtype=np.float64), track.shape), track.step_s)
+
+
+class _First:
+    """`first(x)` of a run that comes in parts: remembers the values of the first part, in the order of the calls."""
+
+    def __init__(self, track: Track, firsts: list[Array]) -> None:
+        self._track, self._firsts, self._calls = track, firsts, 0
+
+    def __call__(self, x: Any) -> Array:  # noqa: ANN401 - a number or an array
+        spread = np.broadcast_to(np.asarray(x, dtype=np.float64), self._track.shape)
+        if self._calls == len(self._firsts):
+            self._firsts.append(spread[0].copy())
+        self._calls += 1
+        return np.broadcast_to(self._firsts[self._calls - 1], self._track.shape)
+
+
+def _reductions_in(tree: Expression) -> Iterator[str]:
+    match tree:
+        case Call(function=function, arguments=arguments):
+            if function in REDUCTIONS and (function not in {"max", "min"} or len(arguments) == 1):
+                yield function
+            for each in arguments:
+                yield from _reductions_in(each)
+        case _:
+            for each in tree.operands():
+                yield from _reductions_in(each)
+
+
+def _either(name: str, track: Track, *arguments: Any) -> Any:  # noqa: ANN401 - numbers or arrays
+    """Max and min: over time of one argument, of the larger or smaller of two."""
+    if len(arguments) == 1:
+        return _reduced(REDUCTIONS[name], track, arguments[0])
+    return NUMPY_FUNCTIONS[name](*arguments)
+
+
+def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expression:
+    """Replace `outside(x, low, high)` by max(max(low - x, x - high), 0).
+
+    Where it has no bounds they are those of the channel, and are put among the values.
+    """
+    match tree:
+        case Call(function="outside", arguments=(x, low, high)):
+            x, low, high = (_with_bounds(each, track, values) for each in (x, low, high))
+            beyond = Call("max", (Binary("-", low, x), Binary("-", x, high)))
+            return Call("max", (beyond, Number(0.0)))
+        case Call(function="outside", arguments=(Name(name=name) as x,)):
+            found = track.bounds(name)
+            low, high = (-np.inf, np.inf) if found is None else found
+            values |= {f"{name} low": low, f"{name} high": high}
+            beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
+            return Call("max", (beyond, Number(0.0)))
+        case Call(function=function, arguments=arguments):
+            return Call(function, tuple(_with_bounds(each, track, values) for each in arguments))
+        case Binary(operator=joint, left=left, right=right):
+            return Binary(joint, _with_bounds(left, track, values), _with_bounds(right, track, values))
+        case Unary(operator=sign, operand=operand):
+            return Unary(sign, _with_bounds(operand, track, values))
+    return tree
+
+
+def parse_measure(text: str, units: Mapping[str, Unit], bounded: Iterable[str] = ()) -> Formula:
+    """Read an expression that measures.
+
+    Args:
+        text: The expression.
+        units: Unit of every channel and command that it may name.
+        bounded: Channels that have bounds, for `outside` with one argument.
+
+    Raises:
+        ExpressionError: It is no such expression; its `offset` says where.
+    """
+    names = {*units, TIME, ENDED}
+    tree = parse_expression(text, names, units=True, references=ARITIES, functions=_FUNCTIONS)
+    dimensions = {name: OpenDimension(unit.dimension) for name, unit in units.items()}
+    dimensions |= {TIME: _SECOND, ENDED: _PLAIN}
+    references: dict[str, Call] = {}
+    tree = _named(tree, references)
+    # What a reference is measured in is known when the model is there; until then its own checks have to do.
+    placeholders = {name: OpenDimension(units[name].dimension) for name in references if name in units}
+    shown, extra = _checked(tree, dimensions | placeholders, set(bounded))
+    unknown = [name for name in references if name not in units]
+    dimension = None if unknown else dimension_of(shown, dimensions | placeholders | extra)
+    unit = parse_unit("1") if dimension is None else dimension.fixed.si_unit
+    used = tuple(name for name in sorted(tree.names()) if name not in {TIME, ENDED})
+    return Formula(text, tree, unit, _is_condition(tree), used, tuple(references.values()))
+
+
+def _named(tree: Expression, references: dict[str, Call]) -> Expression:
+    """Replace every reference by a name that is its text."""
+    match tree:
+        case Call(function=function) if function in REFERENCES:
+            references[str(tree)] = tree
+            return Name(str(tree), offset=tree.offset)
+        case Call(function=function, arguments=arguments):
+            return Call(function, tuple(_named(each, references) for each in arguments), offset=tree.offset)
+        case Binary(operator=joint, left=left, right=right):
+            return Binary(joint, _named(left, references), _named(right, references), offset=tree.offset)
+        case Unary(operator=sign, operand=operand):
+            return Unary(sign, _named(operand, references), offset=tree.offset)
+    return tree
+
+
+def _checked(
+    tree: Expression, names: Mapping[str, OpenDimension], bounded: set[str]
+) -> tuple[Expression, dict[str, OpenDimension]]:
+    """The tree with a name for every reduction, and the dimensions of these names."""
+    extra: dict[str, OpenDimension] = {}
+
+    def known(part: Expression) -> OpenDimension | None:
+        if any(name not in names and name not in extra for name in part.names()):
+            return None
+        return dimension_of(part, {**names, **extra})
+
+    def stand_in(part: Call, dimension: OpenDimension | None) -> Expression:
+        if dimension is None:
+            return Number(0.0, offset=part.offset)
+        name = f"{part.function} {len(extra)}"
+        extra[name] = dimension
+        return Name(name, offset=part.offset)
+
+    def walk(part: Expression) -> Expression:
+        match part:
+            case Call(function="outside", arguments=arguments):
+                if len(arguments) == 2:  # noqa: PLR2004 - one or three
+                    message = "found outside with 2 arguments; allowed: outside(x, low, high), or outside(channel)"
+                    raise ExpressionError(message, part.offset)
+                if len(arguments) == 1 and not (isinstance(arguments[0], Name) and arguments[0].name in bounded):
+                    message = f"found '{part}', whose bounds are not known; allowed: outside(x, low, high)"
+                    raise ExpressionError(message, part.offset)
+                inner = [walk(each) for each in arguments]
+                alike = inner[0]
+                for other in inner[1:]:
+                    alike = Call("max", (alike, other), offset=part.offset)
+                return stand_in(part, known(alike))
+            case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
+                inside = walk(argument)
+                if function in _CONDITIONAL and not _is_condition(argument):
+                    message = f"found '{part}'; allowed: a condition there, such as {function}(x > 0)"
+                    raise ExpressionError(message, part.offset)
+                return stand_in(part, REDUCTIONS[function].dimension(known(inside)))
+            case Call(function=function, arguments=arguments):
+                return Call(function, tuple(walk(each) for each in arguments), offset=part.offset)
+            case Binary(operator=joint, left=left, right=right):
+                return Binary(joint, walk(left), walk(right), offset=part.offset)
+            case Unary(operator=sign, operand=operand):
+                return Unary(sign, walk(operand), offset=part.offset)
+        return part
+
+    return walk(tree), extra
+
+
+def _is_condition(tree: Expression) -> bool:
+    """Whether a value is true or false: comparisons, `ended`, and what and, or and not make of them."""
+    match tree:
+        case Name(name=name):
+            return name == ENDED
+        case Binary(operator=joint) if joint in COMPARISONS:
+            return True
+        case Binary(operator="-", left=Number(value=1.0), right=right):
+            return _is_condition(right)
+        case Binary(operator="*", left=left, right=right):
+            return _is_condition(left) and _is_condition(right)
+        case Call(function="max" | "min", arguments=(left, right)):
+            return _is_condition(left) and _is_condition(right)
+        case Call(function="last" | "first", arguments=(argument,)):
+            return _is_condition(argument)
+    return False
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """All measures of a scenario, and what ends a run.
+
+    Attributes:
+        formulas: Measures that are expressions, by name.
+        kinds: Measures of plug-ins.
+        until: What ends the run; None for nothing.
+        ranges: Bounds of channels, [SI].
+    """
+
+    formulas: Mapping[str, Formula] = field(default_factory=dict)
+    kinds: tuple[BoundMeasure, ...] = ()
+    until: Formula | None = None
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def units(self) -> dict[str, Unit | None]:
+        """Unit of each measure, in the order of the table; None for true and false."""
+        found: dict[str, Unit | None] = {n: None if f.is_condition else f.unit for n, f in self.formulas.items()}
+        for each in self.kinds:
+            found |= each.units
+        return found
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Everything that it needs of a run."""
+        needed = [name for formula in self.formulas.values() for name in formula.channels]
+        needed += [name for each in self.kinds for name in each.channels]
+        needed += self.until.channels if self.until else ()
+        return tuple(dict.fromkeys(needed))
+
+    def bounds(self, name: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:
+        """Bounds of a channel: those of a plug-in's measure, else those of its range."""
+        for each in self.kinds:
+            if (found := each.bounds(name, values)) is not None:
+                return found
+        return self.ranges.get(name)
+
+    def __call__(self, track: Track) -> dict[str, Value]:
+        """Judge a run."""
+        found = {name: formula.value(track) for name, formula in self.formulas.items()}
+        for each in self.kinds:
+            found |= each.measure(track)
+        return found
+
+
+def located(error: ExpressionError, place: Callable[[str, int], Problem]) -> InputError:
+    """The error of an expression, with the place in the scenario."""
+    return InputError(place(str(error), error.offset))
+
+
+__all__ = [
+    "ENDED", "MEASURES", "REDUCTIONS", "BoundMeasure", "Formula", "Judge", "MeasureKind", "Track", "Value",
+    "located", "parse_measure",
+]  # fmt: skip

@@ -1,0 +1,113 @@
+"""References: what the commands of a controller are added to, and the moments and channels that it brings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.registry import Registry
+from circuitkit.base.source import Document
+from circuitkit.control import Array, PlannedChannel
+from circuitkit.robots import RobotModel
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment of a reference.
+
+    Attributes:
+        time_s: When it is.
+        directions: Unit vectors of the directions that the reference knows then, world frame, such as
+            `inward`; each of shape (3,).
+    """
+
+    time_s: float
+    directions: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a reference wants of a robot, tick by tick.
+
+    Attributes:
+        targets: Controls; shape (T, nu), or (1, nu) for all ticks alike.
+        start_qpos: Positions at the start; shape (nq,).
+        planned: Channels that are known beforehand, T values each.
+        columns: What is recorded beside them, T values each, such as the number of a step.
+        knowledge: What controllers that are made for this reference may read.
+        pace_s: Time after which the reference repeats itself; 0 if it does not.
+    """
+
+    targets: Array
+    start_qpos: Array
+    planned: Mapping[str, PlannedChannel] = field(default_factory=dict)
+    columns: Mapping[str, Array] = field(default_factory=dict)
+    knowledge: Any = None
+    pace_s: float = 0.0
+
+
+class Reference:
+    """Base of all references; this one holds the robot's start, as its file or keyframe says.
+
+    Attributes:
+        kind: The key in a scenario, as in `reference: {key: home}`.
+        settings: Type of what stands behind the key.
+        name: For titles and messages.
+        step_s: The control step that it was made for; None if any will do.
+    """
+
+    kind: ClassVar[str]
+    settings: ClassVar[Any]
+    name: str = "hold"
+    step_s: float | None = None
+
+    @classmethod
+    def read(cls, value: Any, beside: Document) -> Reference:  # noqa: ANN401, ARG003 - for others to use
+        """Make it from what stands in a scenario.
+
+        Args:
+            value: What stands behind the key.
+            beside: The scenario's file, whose folder relative paths start from.
+
+        Raises:
+            InputError: A file that it names is wrong or missing.
+        """
+        return cls()
+
+    def moment(self, where: Mapping[str, Any], duration_s: float) -> Moment:
+        """A moment by the reference's own words.
+
+        Args:
+            where: Such as `{step: 8, phase: lift, at: 0.4}`.
+            duration_s: When the run ends.
+
+        Raises:
+            InputError: There is no such moment.
+        """
+        message = f"found {dict(where)}; allowed: a time such as 5 s, for the reference '{self.name}' has no moments"
+        raise InputError(Problem("", 0, 0, "start", message))
+
+    def at(self, time_s: float) -> Moment:
+        """The moment at a time, with the directions that are known then."""
+        return Moment(time_s)
+
+    def motion(self, robot: RobotModel, ticks: int, step_s: float) -> Motion:  # noqa: ARG002 - others need them
+        """What it wants of a robot.
+
+        Args:
+            robot: The robot as it is known.
+            ticks: T.
+            step_s: The control step.
+
+        Raises:
+            InputError: The robot lacks what it needs.
+            SimulationError: The robot cannot do it.
+        """
+        return Motion(robot.held[np.newaxis], robot.start_qpos)
+
+
+REFERENCES: Registry[Reference] = Registry("references", Reference, "circuitkit.simulation.references")

@@ -1,0 +1,1 @@
+"""The references of any robot; a module each. Plug-ins bring further ones."""
