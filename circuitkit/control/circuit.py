@@ -9,10 +9,10 @@ import numpy as np
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit
+from circuitkit.biped.control.planned import PlannedChannel
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control.controller import Array
-from circuitkit.biped.control.planned import PlannedChannel
-from circuitkit.engine import compile_circuit
+from circuitkit.engine import Stepper, compile_circuit
 
 
 class CircuitController:
@@ -77,7 +77,7 @@ class CircuitController:
     def reset(self, batch: int) -> None:
         """Start again, with `batch` robots."""
         self._tick = 0
-        self._stepper = self._program.stepper(batch)
+        self._stepper = Stepper(self._program, batch)
         self._inputs = self._stepper.inputs
 
     def step(self, observation: Array, trace: Array) -> Array:

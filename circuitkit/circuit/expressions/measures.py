@@ -161,7 +161,7 @@ def _compute(name: str, *values: Number) -> Number:
 
 def array_functions() -> Mapping[str, Callable[..., Number]]:
     """The functions of expressions for numpy arrays."""
-    import numpy as np
+    import numpy as np  # 0.1 s, which most files are checked without
 
     renamed: dict[str, Callable[..., Number]] = {
         "atan2": np.arctan2,
@@ -227,6 +227,6 @@ def is_finite(value: Number) -> bool:
     """Whether a number, or every one of an array, is finite."""
     if isinstance(value, int | float):
         return math.isfinite(value)
-    import numpy as np
+    import numpy as np  # 0.1 s, which most files are checked without
 
     return bool(np.isfinite(value).all())
