@@ -15,11 +15,11 @@ from circuitkit.study.bench import Amount, AnyCase
 _FIRST_STEP = """
 import sys, time
 from circuitkit.circuit import load_circuit
-from circuitkit.engine import compile_circuit
+from circuitkit.engine import Stepper, compile_circuit
 graph = load_circuit(sys.argv[1])
-compile_circuit(graph, backend="numpy").stepper(1).step()
+Stepper(compile_circuit(graph, backend="numpy"), 1).step()
 begin = time.perf_counter()
-compile_circuit(graph, backend="compiled").stepper(1).step()
+Stepper(compile_circuit(graph, backend="compiled"), 1).step()
 print(time.perf_counter() - begin)
 """
 _IMPORT = "import time; t = time.perf_counter(); import circuitkit; print(time.perf_counter() - t)"

@@ -32,7 +32,7 @@ outputs:
 _SCRIPT = """
 import resource, sys, time
 from circuitkit.circuit import load_circuit
-from circuitkit.engine import compile_circuit
+from circuitkit.engine import Stepper, compile_circuit
 
 def peak():
     if sys.platform == "linux":  # where ru_maxrss begins with what the process had that started this one
@@ -40,12 +40,12 @@ def peak():
         return int(line.split()[1]) * 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
-compile_circuit(load_circuit("binn_lateral"), backend="compiled").stepper(1).step()
+Stepper(compile_circuit(load_circuit("binn_lateral"), backend="compiled"), 1).step()
 before = peak()
 begin = time.perf_counter()
 program = compile_circuit(load_circuit(sys.argv[1]), backend=sys.argv[2])
 seconds = time.perf_counter() - begin
-program.stepper(1).step()
+Stepper(program, 1).step()
 print(seconds, peak() - before)
 """
 _MATRIX = """

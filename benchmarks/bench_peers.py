@@ -25,7 +25,7 @@ from benchmarks.bench_sparse import SHIFT, SLOPE, by_hand, checked, sparse_circu
 from benchmarks.plain import INPUTS, FloatArray, PlainBinn, binn, compiled_binn, loop, steps_of, threads
 from benchmarks.script import scratch
 from circuitkit.circuit import load_circuit
-from circuitkit.engine import compile_circuit, run
+from circuitkit.engine import Stepper, compile_circuit, run
 from circuitkit.study.bench import AnyCase, AnyWork, Case, LeftOutError, Timed
 
 _SETTLED = 20  # steps, after which nothing changes any more
@@ -235,7 +235,7 @@ def _brian_balanced(cores: int) -> Callable[[], tuple[AnyWork, AnyWork]]:
             substeps=_BALANCED_SUBSTEPS,
         )
         with threads(cores):
-            stepper = program.stepper(1)
+            stepper = Stepper(program, 1)
         control_steps = _BALANCED_SUBSTEPS // graph.substeps
         spikes = sum(float(stepper.step(np.zeros((1, 0)))[0, 0]) for _ in range(control_steps))
         # What one does is the other's to the last bits, which soon make other spikes, but as many of them.

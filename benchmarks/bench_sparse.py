@@ -13,7 +13,7 @@ import scipy.sparse
 from benchmarks.plain import loop, threads
 from circuitkit.circuit import parse_circuit
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine import Program, compile_circuit
+from circuitkit.engine import Program, Stepper, compile_circuit
 from circuitkit.study.bench import AnyCase, AnyWork, Case, Loop
 
 AGAINST = "scipy CSR"
@@ -81,7 +81,7 @@ def checked(graph: CircuitGraph, backend: str, cores: int) -> Program:
     program = compile_circuit(graph, backend=backend, reproducible=False)
     step, outputs = by_hand(graph)
     with threads(cores):
-        stepper = program.stepper(1)
+        stepper = Stepper(program, 1)
     for _ in range(3):
         stepper.step(np.zeros((1, 1)))
         step()
@@ -92,7 +92,7 @@ def checked(graph: CircuitGraph, backend: str, cores: int) -> Program:
 def steps(program: Program, cores: int) -> Loop:
     """Steps of a program, each a call from Python."""
     with threads(cores):
-        stepper = program.stepper(1)
+        stepper = Stepper(program, 1)
     inputs = np.zeros((1, 1))
     return loop(lambda: stepper.step(inputs))
 

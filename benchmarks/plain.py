@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Timing
 from circuitkit.circuit.load import load_circuit
-from circuitkit.engine import Program, compile_circuit
+from circuitkit.engine import Program, Stepper, compile_circuit
 from circuitkit.study.bench import Loop
 from circuitkit.study.pool import environment
 
@@ -83,7 +83,7 @@ def _curve(neuron: Neuron) -> tuple[float, float]:
 
 def require_equal(program: Program, plain: PlainBinn, batch: int) -> None:
     """Compare what both compute, before anybody measures how fast."""
-    stepper = program.stepper(batch)
+    stepper = Stepper(program, batch)
     for _ in range(_SETTLED):
         stepper.step(np.tile(INPUTS, (batch, 1)))
     plain.steps(_SETTLED)
@@ -102,7 +102,7 @@ def compiled_binn(
 
 def steps_of(program: Program, batch: int) -> Loop:
     """Steps of a program, each a call from Python that hands over the inputs."""
-    stepper = program.stepper(batch)
+    stepper = Stepper(program, batch)
     inputs = np.tile(INPUTS, (batch, 1))
 
     def times(n: int) -> None:

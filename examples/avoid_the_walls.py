@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit import compile_circuit, load_circuit
+from circuitkit import Stepper, compile_circuit, load_circuit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +52,7 @@ def drive(duration_s: float, pose: tuple[float, float, float], *, seed: int = 0)
         Shape (T, 7): x, y, heading, distances left and right [m], wheels left and right [rad/s], each step.
     """
     program = compile_circuit(load_circuit("braitenberg_avoider"))
-    stepper = program.stepper(1, seed=seed)
+    stepper = Stepper(program, 1, seed=seed)
     x, y, heading = pose
     log = np.empty((round(duration_s / program.step_s), 7))
     for row in log:

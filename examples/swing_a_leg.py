@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from circuitkit import compile_circuit, load_circuit
+from circuitkit import Stepper, compile_circuit, load_circuit
 
 GRAVITY, LENGTH_M, DAMPING = 9.81, 0.15, 0.8  # a point mass on a rod; damping [1/s]
 PUSH = 20.0  # acceleration by which the leg follows the oscillator's angle, [1/s^2]
@@ -25,7 +25,7 @@ def swing(felt: float, duration_s: float = 30.0) -> tuple[float, float]:
         felt: How strongly the leg's angle silences the neuron of that side, [1/rad]; 0 for not at all.
         duration_s: How long.
     """
-    stepper = program.stepper(1)
+    stepper = Stepper(program, 1)
     angle, speed = 0.0, 0.0
     angles = np.empty(round(duration_s / program.step_s))
     for i in range(len(angles)):

@@ -44,7 +44,7 @@ def line_ids(link: Link) -> tuple[str, str, str]:
 
 def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
     """A node with its text."""
-    from matplotlib.patches import PathPatch
+    from matplotlib.patches import PathPatch  # 0.2 s, which running a circuit need not wait for
 
     x, y = node.box.x + shift[0], node.box.y + shift[1]
     outline = _OUTLINES[node.shape](node.box.width, node.box.height)
@@ -72,7 +72,7 @@ def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
 
 def add_group(axes: Axes, group: GroupBox, shift: Point) -> None:
     """The frame of an instance, behind everything, with its name."""
-    from matplotlib.patches import PathPatch
+    from matplotlib.patches import PathPatch  # 0.2 s, which running a circuit need not wait for
 
     box = group.box
     outline = rectangle(box.width, box.height)
@@ -99,7 +99,7 @@ def add_text(axes: Axes, at: Point, text: str, size: float, colour: str, **more:
 
 def add_line(axes: Axes, route: Route, shift: Point, zorder: float) -> None:
     """A line on a white rim, with the head of its kind."""
-    from matplotlib.patches import PathPatch
+    from matplotlib.patches import PathPatch  # 0.2 s, which running a circuit need not wait for
 
     colour = KIND_COLOUR[route.link.kind]
     line = Outline(_shortened(route), route.codes)
@@ -162,7 +162,7 @@ def _shortened(route: Route) -> tuple[Point, ...]:
 
 
 def _path(outline: Outline, shift: Point) -> Path:
-    from matplotlib.path import Path
+    from matplotlib.path import Path  # 0.2 s, which running a circuit need not wait for
 
     letters = {"M": Path.MOVETO, "L": Path.LINETO, "C": Path.CURVE4}
     points = [(x + shift[0], y + shift[1]) for x, y in outline.points]

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
 
+from circuitkit.draw.style import FONT
+
 Point: TypeAlias = tuple[float, float]
 _KAPPA = 0.5522847498  # a quarter of a circle as a cubic curve
 _CUT = 7.0
@@ -134,10 +136,8 @@ def inset(shape: str, box: Box, offset: float, *, vertical: bool) -> float:
 @lru_cache(maxsize=4096)
 def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
     """Width and height of a line of text, [pt]; the height is that of the font, whatever the letters."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import TextPath
-
-    from circuitkit.draw.style import FONT
+    from matplotlib.font_manager import FontProperties  # 0.2 s, which running a circuit need not wait for
+    from matplotlib.textpath import TextPath  # 0.2 s, which running a circuit need not wait for
 
     if not text.strip():
         return 0.0, size

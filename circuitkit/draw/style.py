@@ -54,7 +54,7 @@ _RC: Any = {  # matplotlib has a type for these keys, of several pages
 @contextmanager
 def house_style() -> Iterator[None]:
     """Matplotlib's settings for our pictures, inside the block only; figures are made and saved in it."""
-    import matplotlib as mpl
+    import matplotlib as mpl  # 0.2 s, which running a circuit need not wait for
 
     with mpl.rc_context(_RC):
         yield
@@ -62,8 +62,8 @@ def house_style() -> Iterator[None]:
 
 def new_figure(width_in: float, height_in: float) -> Figure:
     """An empty figure of its own, unknown to pyplot, [in]."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # 0.2 s, as above
+    from matplotlib.figure import Figure  # 0.2 s, as above
 
     figure = Figure(figsize=(width_in, height_in), facecolor=PAPER)
     FigureCanvasAgg(figure)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from circuitkit.base.errors import UnitError
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.circuit.graph import Neuron, PerMember, Population, Projection
@@ -57,8 +59,6 @@ def weight_text(weight_si: PerMember, target: Unit, source: Unit) -> str:
 
 def rule_text(projection: Projection, n_source: int, n_target: int) -> str:
     """Who is connected with whom, such as `all to all`, `one to one`, `10 from each`, `5000 synapses`."""
-    import numpy as np
-
     count = len(projection.sources)
     degrees = np.diff(projection.indptr)
     if count == n_source * n_target:

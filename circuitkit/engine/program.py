@@ -5,22 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
-from circuitkit.engine.backends import Kernel, load_backend
 from circuitkit.engine.checks import input_problem, require_batch, require_inputs, require_seed
 from circuitkit.engine.operations import IndexArray, Lowered, Operation, Remember
 from circuitkit.engine.state import FloatArray, State
 
-if TYPE_CHECKING:
-    from circuitkit.engine.run import Stepper
-
 Precision = Literal["float64", "float32"]
-_MAX_IDLE_SIZES = 8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,6 +37,7 @@ class Program(Lowered):
         precision: In which all is computed.
         reproducible: Whether a member of a batch gets the same bits whatever the size of the batch.
         note: Which backend runs it, and why that one; empty if there was no choice.
+        idle: Kernels between two calls of `step` or `run`, by batch size; they go when the program does.
     """
 
     name: str
@@ -55,7 +51,7 @@ class Program(Lowered):
     precision: Precision = "float64"
     reproducible: bool = True
     note: str = ""
-    _idle: dict[int, list[Kernel]] = field(default_factory=dict, init=False, repr=False)
+    idle: dict[int, list[Any]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def operations(self) -> tuple[Operation, ...]:
@@ -117,20 +113,6 @@ class Program(Lowered):
             seed=np.uint64(seed) + np.arange(size, dtype=np.uint64),
         )
 
-    def stepper(self, batch: int | None = None, seed: int = 0) -> Stepper:
-        """An object with arrays of its own that steps in place, for loops that count microseconds.
-
-        Args:
-            batch: As in `initial_state`.
-            seed: As in `initial_state`.
-
-        Raises:
-            InputError: As in `initial_state`.
-        """
-        from circuitkit.engine.run import Stepper
-
-        return Stepper(self, batch, seed)
-
     def pack_inputs(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Put inputs given by name side by side, in the order that `step` and `run` want.
 
@@ -186,23 +168,6 @@ class Program(Lowered):
         hint = f"{len(bad) - 1} more are not finite" if len(bad) > 1 else ""
         raise InputError(Problem("", 0, 0, f"inputs.{self.input_names[column]}", message, hint))
 
-    def borrow_kernel(self, batch: int) -> Kernel:
-        """A kernel that nobody else uses until it comes back by `return_kernel`; its state is undefined."""
-        try:
-            return self._idle.setdefault(batch, []).pop()
-        except IndexError:
-            return self.new_kernel(batch)
-
-    def return_kernel(self, kernel: Kernel) -> None:
-        """Keep a kernel for the next caller with the same batch size."""
-        if len(self._idle) > _MAX_IDLE_SIZES:
-            self._idle.clear()
-        self._idle.setdefault(kernel.batch, []).append(kernel)
-
-    def new_kernel(self, batch: int) -> Kernel:
-        """A kernel of the program's backend with a zero state."""
-        return load_backend(self.backend)(self, batch)
-
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the kernels, which are bound to memory and are made again."""
-        return {**self.__dict__, "_idle": {}}
+        """Leave out the kernels, which are bound to memory and are made again."""
+        return {**self.__dict__, "idle": {}}

@@ -11,6 +11,7 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.engine.checks import require_memory
 from circuitkit.engine.program import Program
+from circuitkit.engine.run import Stepper
 from circuitkit.engine.state import FloatArray
 
 _FASTEST_HZ = 100e3  # the clock itself is read in some 0.1 us
@@ -102,7 +103,7 @@ def _ticks(rate_hz: float, seconds: float) -> int:
 
 def _loop(program: Program, rate_hz: float, ticks: int, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Times since the first tick at which each step began and ended, shape (ticks,), [s]."""
-    stepper = program.stepper(inputs.shape[1])
+    stepper = Stepper(program, inputs.shape[1])
     own, step, rows = stepper.inputs, stepper.step, list(inputs)
     began, ended = np.zeros(ticks), np.zeros(ticks)  # written to here, so that the memory is there
     own[...] = rows[0]

@@ -10,6 +10,7 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.engine.checks import as_run_inputs, require_memory, require_step_inputs
 from circuitkit.engine.divergence import raise_for
+from circuitkit.engine.kernels import borrow_kernel, new_kernel, return_kernel
 from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.record import select
@@ -35,13 +36,13 @@ def step(program: Program, state: State, inputs: FloatArray, out: State | None =
     result = program.initial_state(batch) if out is None else out
     if out is not None:
         _require_state(program, out, batch, "out")
-    kernel = program.borrow_kernel(batch)
+    kernel = borrow_kernel(program, batch)
     kernel.load(state)
     kernel.inputs[...] = inputs
     is_finite = kernel.advance()
     kernel.store(result)
     result.seed[...] = state.seed
-    program.return_kernel(kernel)
+    return_kernel(program, kernel)
     if not is_finite:
         raise_for(program, inputs, result)
     return result
@@ -81,11 +82,11 @@ def run(
     require_memory("record", found, 8.0 * steps * batch * width)
     recorded = np.empty((steps, batch, width))
     last = before.copy()
-    kernel = program.borrow_kernel(batch)
+    kernel = borrow_kernel(program, batch)
     kernel.load(before)
     done = kernel.run(np.ascontiguousarray(inputs), selection.rows, recorded)
     kernel.store(last)
-    program.return_kernel(kernel)
+    return_kernel(program, kernel)
     if done < steps:
         raise_for(program, inputs[done], last)
     n, m = len(selection.neurons), len(selection.outputs)
@@ -131,7 +132,7 @@ class Stepper:
         """
         state = program.initial_state(batch, seed)
         self._seed = state.seed
-        self._kernel = program.new_kernel(state.batch)
+        self._kernel = new_kernel(program, state.batch)
         self._advance = self._kernel.advance
         self.program = program
         self.batch = state.batch

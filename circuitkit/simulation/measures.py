@@ -161,6 +161,10 @@ class BoundMeasure:
         """What it gives."""
         return {}
 
+    def bounds_known(self, channel: str) -> bool:  # noqa: ARG002 - for others
+        """Whether it knows bounds of a channel."""
+        return False
+
     def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:  # noqa: ARG002
         """Lower and upper bound of a channel for `outside`, shape (T,) each; None if it knows none."""
         return None

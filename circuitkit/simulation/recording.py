@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,47 +13,51 @@ from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
 from circuitkit.base.files import replacing, write_text
+from circuitkit.base.units import Unit, parse_unit
 from circuitkit.circuit import CircuitGraph
-from circuitkit.biped.gait import PHASES, SIDES, Walk
-from circuitkit.biped.gait.lipm import GRAVITY_M_S2, zmp_from_com
-from circuitkit.robots import RobotModel, command_units, robot_channels
-from circuitkit.biped.sensing import Observer, centre_of_pressure, total_centre_of_pressure
-from circuitkit.simulation.disturbance import Fates, Trial
+from circuitkit.control import Array
+from circuitkit.robots import Observer, RobotModel
+from circuitkit.simulation.disturbance import Effects, RunSpec
+from circuitkit.simulation.measures import Judge, Value
+from circuitkit.simulation.reference import Motion
 
-Array = NDArray[np.float64]
-
-_ALONE = 0.95  # a foot that carries more than this part of the weight carries it alone
+_NO_WORD = re.compile(r"\W+")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """T ticks of B robots; row t is the end of tick t.
 
     Attributes:
-        walk: What they were to do.
-        robot: What they are.
-        trials: Their fates.
-        fates: The same as arrays.
+        robot: What they are, as simulated.
+        motion: What the reference wanted.
+        specs: What was special to each.
+        effects: What befell them.
         controller: Name of the controller.
-        circuit: The circuit, in use or not.
+        circuit: The circuit, in use or not; None without one.
+        step_s: The control step.
+        judge: How they were judged.
         readings: True sensor readings; shape (T, B, s).
         qpos: Positions; shape (T, B, nq).
         observations: What the controller read at the start of the tick, by channel; shape (T, B, k).
-        commands: What it wrote, by channel; shape (T, B, m).
+        commands: What it wrote, by command; shape (T, B, m).
         trace: What it recorded of itself; shape (T, B, n).
         observation_names: The k channels.
-        command_names: The m channels.
+        command_names: The m commands.
         trace_names: The n names.
+        measures: The measures of each robot.
+        end_tick: In which tick `until` ended it; -1 if it did not; shape (B,).
         interrupted: Whether the run was stopped before its end.
-        yardstick: The circuit whose thresholds count if this one has none.
     """
 
-    walk: Walk
     robot: RobotModel
-    trials: tuple[Trial, ...]
-    fates: Fates
+    motion: Motion
+    specs: tuple[RunSpec, ...]
+    effects: Effects
     controller: str
-    circuit: CircuitGraph
+    circuit: CircuitGraph | None
+    step_s: float
+    judge: Judge
     readings: Array
     qpos: Array
     observations: Array
@@ -60,8 +66,9 @@ class Recording:
     observation_names: tuple[str, ...]
     command_names: tuple[str, ...]
     trace_names: tuple[str, ...]
+    measures: tuple[Mapping[str, Value], ...]
+    end_tick: NDArray[np.int64]
     interrupted: bool = False
-    yardstick: CircuitGraph | None = None
 
     @property
     def ticks(self) -> int:
@@ -71,106 +78,79 @@ class Recording:
     @cached_property
     def time_s(self) -> Array:
         """End of each tick; shape (T,)."""
-        return np.arange(1.0, self.ticks + 1) * self.walk.gait.control_step
+        return np.arange(1.0, self.ticks + 1) * self.step_s
+
+    def ended_s(self, robot: int = 0) -> float | None:
+        """When `until` ended a robot's run; None if it did not."""
+        tick = int(self.end_tick[robot])
+        return None if tick < 0 else (tick + 1) * self.step_s
 
     def channel(self, name: str) -> Array:
-        """A sensor channel without noise; shape (T, B), SI unit."""
-        observer = Observer(self.robot.layout, robot_channels(self.robot), [name])
-        flat = self.readings.reshape(-1, self.readings.shape[-1])
-        values: Array = observer(flat)[:, 0].reshape(self.readings.shape[:2])
-        return values
+        """A channel without noise, of the robot or of its reference; shape (T, B), SI unit.
 
-    @cached_property
-    def loads_n(self) -> Array:
-        """Weight on each foot, left and right, from the contacts; shape (T, B, 2)."""
-        return np.stack(
-            [centre_of_pressure(self.readings, self.robot.layout, s)[1] for s in range(2)], axis=-1
-        )
-
-    @cached_property
-    def support(self) -> NDArray[np.int64]:
-        """Who carries, by the measured load: 0 the left foot alone, 1 the right, 2 both; shape (T, B)."""
-        return support_by_load(self.loads_n)
-
-    @cached_property
-    def centre_of_pressure_m(self) -> Array:
-        """Centre of pressure by contacts, from the middle between the feet; (T, B, 2); nan in the air."""
-        layout = self.robot.layout
-        feet = np.stack([self.readings[..., layout.foot(s)] for s in range(2)])
-        middle: Array = total_centre_of_pressure(self.readings, layout) - feet[..., :2].mean(axis=0)
-        return middle
-
-    @cached_property
-    def com_m(self) -> Array:
-        """Centre of mass from the middle between the feet, up from the ground; shape (T, B, 3)."""
-        com = self.readings[..., self.robot.layout.com].copy()
-        for side in range(2):
-            com[..., :2] -= self.readings[..., self.robot.layout.foot(side)][..., :2] / 2
-        return com
-
-    @cached_property
-    def com_velocity(self) -> Array:
-        """Its velocity in the world; shape (T, B, 3), [m/s]."""
-        return self.readings[..., self.robot.layout.com_velocity]
-
-    @cached_property
-    def zmp_by_com_m(self) -> Array:
-        """ZMP by eq. 2 from the centre of mass, from the middle between the feet; shape (T, B, 2).
-
-        On a slope gravity accelerates along the floor as well, and presses on it with less.
+        Raises:
+            UnknownNameError: There is no such channel; lists those there are.
         """
-        velocity = self.com_velocity[..., :2]
-        if self.ticks == 1:  # no difference can be taken
-            acceleration = np.zeros_like(velocity)
-        else:
-            acceleration = np.gradient(velocity, self.walk.gait.control_step, axis=0)
-        gravity = self.robot.model.opt.gravity
-        felt = (acceleration - gravity[:2]) * (GRAVITY_M_S2 / -gravity[2])
-        return zmp_from_com(self.com_m[..., :2], felt, self.com_m[..., 2:])
+        if name in self.motion.planned:
+            values = self.motion.planned[name].values[: self.ticks, np.newaxis]
+            return np.broadcast_to(values, self.readings.shape[:2])
+        return Observer(self.robot.channels, [name])(self.readings)[..., 0]
+
+    def command(self, name: str) -> Array:
+        """What the controller wrote; shape (T, B), SI unit."""
+        return self.commands[..., self.command_names.index(name)]
+
+    @cached_property
+    def joints(self) -> dict[str, tuple[int, Unit]]:
+        """Hinges and slides with a name: place in `qpos`, and unit."""
+        model = self.robot.model
+        found = {}
+        for i in range(model.njnt):
+            kind, name = int(model.jnt_type[i]), model.joint(i).name
+            if kind in {2, 3} and name:
+                found[name] = (int(model.jnt_qposadr[i]), parse_unit("rad" if kind == 3 else "m"))  # noqa: PLR2004 - hinge
+        return found
 
     def columns(self, robot: int = 0) -> dict[str, Array]:
         """Everything of one robot as columns by name; each of shape (T,), SI units."""
-        s, layout = slice(0, self.ticks), self.robot.layout
-        readings = self.readings[:, robot]
-        columns = {
-            "time_s": self.time_s,
-            "step": self.walk.schedule.step[s].astype(float),
-            "phase": self.walk.schedule.phase[s].astype(float),
-            "push_n": self.push_n[:, robot],
-            "zmp_x_m": self.channel("zmp_x")[:, robot],
-            "zmp_y_m": self.channel("zmp_y")[:, robot],
-            "force_difference": self.channel("force_difference")[:, robot],
-            "cop_x_m": self.centre_of_pressure_m[:, robot, 0],
-            "cop_y_m": self.centre_of_pressure_m[:, robot, 1],
-            "zmp_by_com_x_m": self.zmp_by_com_m[:, robot, 0],
-            "zmp_by_com_y_m": self.zmp_by_com_m[:, robot, 1],
-            "load_left_n": self.loads_n[:, robot, 0],
-            "load_right_n": self.loads_n[:, robot, 1],
-        }
-        for axis, letter in enumerate("xyz"):
-            columns[f"com_{letter}_m"] = self.com_m[:, robot, axis]
-            columns[f"com_velocity_{letter}_m_s"] = self.com_velocity[:, robot, axis]
-            columns[f"torso_{letter}_m"] = readings[:, layout.torso][:, axis]
-            columns[f"gyro_{letter}_rad_s"] = readings[:, layout.gyro][:, axis]
-        for i, cell in enumerate(layout.cells):
-            columns[f"{cell}_n"] = readings[:, i]
-        for joint, place in zip(self.robot.actuated, self.robot.qpos_index, strict=True):
-            columns[f"{joint}_rad"] = self.qpos[:, robot, place]
+        return {name: values for name, (values, _) in self._columns(robot).items()}
+
+    def _columns(self, robot: int) -> dict[str, tuple[Array, str]]:
+        """The columns with their units: names end in the unit where there is one."""
+        plain = {name: values[: self.ticks] for name, values in self.motion.columns.items()}
+        columns: dict[str, tuple[Array, str]] = {"time_s": (self.time_s, "s")}
+        columns |= {name: (np.asarray(values, dtype=np.float64), "1") for name, values in plain.items()}
+        columns["push_n"] = (self.push_n[:, robot], "N")
+        if self.robot.channels:
+            every = Observer(self.robot.channels, list(self.robot.channels))(self.readings[:, robot])
+            for i, channel in enumerate(self.robot.channels.values()):
+                columns[column_name(channel.name, channel.unit)] = (every[:, i], channel.unit.dimension.si_symbol)
+        for name, planned in self.motion.planned.items():
+            columns[column_name(name, planned.unit)] = (planned.values[: self.ticks], planned.unit.dimension.si_symbol)
+        for block in self.robot.blocks.values():
+            for name, (values, unit) in getattr(block, "columns", lambda _: {})(self).items():
+                columns[column_name(name, unit)] = (values[:, robot], unit.dimension.si_symbol)
+        for name, (place, unit) in self.joints.items():
+            columns[column_name(name, unit)] = (self.qpos[:, robot, place], unit.symbol)
         for kind, names, values in (
             ("input", self.observation_names, self.observations),
             ("neuron", self.trace_names, self.trace),
             ("output", self.command_names, self.commands),
         ):
-            columns |= {f"{kind}_{name}": values[:, robot, i] for i, name in enumerate(names)}
+            units = self.robot.channel_units if kind == "input" else self.robot.command_units
+            for i, name in enumerate(names):
+                unit = units[name].dimension.si_symbol if name in units and kind != "neuron" else "1"
+                columns[f"{kind}_{name}"] = (values[:, robot, i], unit)
         if self.observation_names:
-            columns["input_missing"] = (~np.isfinite(self.observations[:, robot])).any(axis=1).astype(float)
+            missing = (~np.isfinite(self.observations[:, robot])).any(axis=1).astype(float)
+            columns["input_missing"] = (missing, "1")
         return columns
 
     @cached_property
     def push_n(self) -> Array:
         """Size of the force on each robot; shape (T, B), [N]."""
-        total = np.zeros((self.ticks, len(self.trials), 3))
-        for push in self.fates.pushes:
+        total = np.zeros((self.ticks, len(self.specs), 3))
+        for push in self.effects.forces:
             stop = min(push.first_tick + len(push.forces), self.ticks)
             if stop > push.first_tick:
                 total[push.first_tick : stop] += push.forces[: stop - push.first_tick]
@@ -186,53 +166,28 @@ class Recording:
         Returns:
             The path of `recording.nc`.
         """
-        columns, units = self.columns(robot), self._channel_units()
+        columns = self._columns(robot)
         path = folder / "recording.nc"
         with replacing(path) as part, netcdf_file(str(part), "w") as file:
             file.title = f"circuitkit recording, controller {self.controller}"
-            file.phases = ", ".join(f"{i} {name}" for i, name in enumerate(PHASES))
-            file.feet = ", ".join(SIDES)
+            for block in self.robot.blocks.values():
+                for name, text in getattr(block, "attributes", {}).items():
+                    setattr(file, name, text)
             file.interrupted = int(self.interrupted)
-            file.seed = str(self.trials[robot].seed)  # NetCDF 3 has no whole numbers beyond 2^31
+            file.seed = str(self.specs[robot].seed)  # NetCDF 3 has no whole numbers beyond 2^31
             file.createDimension("time_s", self.ticks)
-            for name, values in columns.items():
+            for name, (values, unit) in columns.items():
                 variable = file.createVariable(name, "f8", ("time_s",))
                 variable[:] = values
-                variable.units = units.get(name) or _unit_of(name)
-        table = np.column_stack(list(columns.values()))
+                variable.units = unit
+        table = np.column_stack([values for values, _ in columns.values()])
         lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in table)]
         write_text(folder / "recording.csv", "\n".join(lines) + "\n")
         return path
 
-    def _channel_units(self) -> dict[str, str]:
-        """SI unit of each column of the controller's inputs and outputs, whose names do not tell it."""
-        read = {f"input_{name}": channel.unit for name, channel in robot_channels(self.robot).items()}
-        written = {f"output_{name}": unit for name, unit in command_units(self.robot).items()}
-        return {name: unit.dimension.si_symbol for name, unit in (read | written).items()}
 
-
-def support_by_load(loads_n: Array) -> NDArray[np.int64]:
-    """Who carries: 0 the left foot alone, 1 the right, 2 both; shape (...).
-
-    Args:
-        loads_n: Weight on each foot, left and right; shape (..., 2).
-    """
-    total = loads_n.sum(axis=-1)
-    share = loads_n / np.maximum(total, 1e-9)[..., None]
-    alone = share > _ALONE
-    return np.where(alone[..., 0], 0, np.where(alone[..., 1], 1, 2))
-
-
-def _unit_of(column: str) -> str:
-    """The unit that a column's name ends in."""
-    for ending, unit in (
-        ("_m_s", "m/s"),
-        ("_rad_s", "rad/s"),
-        ("_rad", "rad"),
-        ("_m", "m"),
-        ("_n", "N"),
-        ("_s", "s"),
-    ):
-        if column.endswith(ending):
-            return unit
-    return "1"
+def column_name(name: str, unit: Unit) -> str:
+    """A name that ends in its SI unit, such as `zmp_y_m`; a plain number's name stays as it is."""
+    symbol = unit.dimension.si_symbol
+    word = _NO_WORD.sub("_", name)
+    return word if symbol == "1" else f"{word}_{_NO_WORD.sub('_', symbol).lower().strip('_')}"

@@ -71,11 +71,13 @@ class Tracker:
         Returns:
             Who has; shape (B,).
         """
+        newly: NDArray[np.bool_] = np.zeros(len(self.ended), dtype=bool)
+        if len(readings) == 0:
+            return newly
         begin, self.done = self.done, self.done + len(readings)
         if self._place:
             self._values[begin : self.done] = self._observer(readings)
         self._commands[begin : self.done] = commands
-        newly: NDArray[np.bool_] = np.zeros(len(self.ended), dtype=bool)
         if self._judge.until is None:
             return newly
         holds = self._judge.until.holds(lambda first: self._track(slice(None), first, self.done), begin, self._firsts)

@@ -19,6 +19,7 @@ from circuitkit.circuit.expressions.expression import (
     Unary,
 )
 from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.circuit.expressions.symbolic import simplify
 
 NAMES = ("A", "slope", "shift")
 
@@ -62,6 +63,15 @@ def value(text: str, **values: float) -> float:
         ("1 + 1 < 3 - 2", 0.0),
         ("where(1 < 2, 3, 4) + where(1 > 2, 30, 40)", 43.0),
         ("sin(pi / 2) + cos(pi)", 0.0),
+        ("hypot(3, -4)", 5.0),
+        ("hypot(1e200, 1e200)", math.hypot(1e200, 1e200)),
+        ("atan2(1, -1) + 10 * atan2(-1, 1)", math.atan2(1, -1) + 10 * math.atan2(-1, 1)),
+        ("(1 < 2 and 2 < 3) + 2 * (1 < 2 and 3 < 2) + 4 * (2 < 1 and 2 < 3)", 1.0),
+        ("(1 < 2 or 3 < 2) + 2 * (2 < 1 or 3 < 2) + 4 * (2 < 1 or 2 < 3)", 5.0),
+        ("(not 1 < 2) + 2 * (not 2 < 1) + 4 * (not 7)", 2.0),
+        ("(1 < 2 and 5) + 10 * (0 or -3) + 100 * (2 and 3 and 4)", 111.0),
+        ("2 < 1 and 2 < 1 or 1 < 2", 1.0),
+        ("not 1 < 2 or 1 < 2", 1.0),
     ],
 )
 def test_expressions_have_their_value(text, expected):
@@ -154,10 +164,10 @@ def test_every_part_knows_where_it_was_read(blank, terms):
 
 
 FUNCTIONS = (
-    "abs, clip, cos, exp, expm1, exprel, floor, heaviside, log, log1p, max, min, sigmoid, sign, sin, sqrt, "
-    "tanh, where"
+    "abs, atan2, clip, cos, exp, expm1, exprel, floor, heaviside, hypot, log, log1p, max, min, sigmoid, "
+    "sign, sin, sqrt, tanh, where"
 )
-ALLOWED = "numbers, names, + - * / ^ < <= > >= and functions"
+ALLOWED = "numbers, names, + - * / ^ < <= > >= and or not, and functions"
 
 
 @pytest.mark.parametrize(
@@ -172,8 +182,10 @@ ALLOWED = "numbers, names, + - * / ^ < <= > >= and functions"
         ("A[0]", f"found 'A[0]'; allowed: {ALLOWED}"),
         ("A if A else 1", f"found 'A if A else 1'; allowed: {ALLOWED}; did you mean 'where(A, A, 1)'?"),
         ("A == 1", f"found 'A == 1'; allowed: {ALLOWED}"),
-        ("0 < A < 1", f"found '0 < A < 1'; allowed: {ALLOWED}"),
-        ("A > 0 and A < 1", f"found 'A > 0 and A < 1'; allowed: {ALLOWED}"),
+        ("0 < A < 1", f"found '0 < A < 1'; allowed: {ALLOWED}; did you mean '0 < A and A < 1'?"),
+        ("A is 1", f"found 'A is 1'; allowed: {ALLOWED}"),
+        ("not", f"cannot read the expression 'not'; allowed: {ALLOWED}"),
+        ("sensor(A)", f"unknown function 'sensor'; allowed: {FUNCTIONS}"),
         ("lambda: 1", f"found 'lambda: 1'; allowed: {ALLOWED}"),
         ("max(*A)", "found max with 1 arguments; allowed: 2"),
         ("exp(x=1)", f"found 'exp(x=1)'; allowed: {ALLOWED}"),
@@ -246,3 +258,59 @@ def test_what_is_wrong_beside_units(text, offset, message):
         parse_expression(text, ("v",), units=True)
     assert str(caught.value).startswith(message)
     assert caught.value.offset == offset
+
+
+@given(*[st.floats(-9, 9) | st.sampled_from([0.0, 1.0])] * 3)
+def test_conditions_are_joined_as_in_python(a, b, c):
+    names = {"a": a, "b": b, "c": c}
+    for text in (
+        "a < b and b < c",
+        "a < b or b >= c",
+        "not a > b",
+        "a and not b or c",
+        "not (a and b <= c) and c",
+    ):
+        assert value(text, **names) == float(bool(eval(text, {}, names))), text
+
+
+REFERENCES = {"sensor": (1, 1), "position": (1, 3)}
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        ("position(eye_left, x)", ("eye_left", "x")),
+        ('position("left foot", x)', ("left foot", "x")),
+        ("position('40 mm ^2 * (')", ("40 mm ^2 * (",)),
+        ("position(leg.knee, pi)", ("leg.knee", "pi")),
+        ("position(foot, -2, 40 mm)", ("foot", -2.0, 0.04)),
+    ],
+)
+def test_arguments_of_references_are_taken_literally(text, arguments):
+    tree = parse_expression(f"A + 2 * {text}", NAMES, units=True, references=REFERENCES)
+    wanted = tuple(Name(each) if isinstance(each, str) else Number(each) for each in arguments)
+    assert tree == Binary("+", Name("A"), Binary("*", Number(2.0), Call("position", wanted)))
+    assert parse_expression(str(tree), NAMES, units=True, references=REFERENCES) == tree
+    assert simplify(tree) == tree
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "message"),
+    [
+        ("A + sensor(a, b)", 4, "found sensor with 2 arguments; allowed: 1"),
+        ("position()", 0, "found position with 0 arguments; allowed: 1 to 3"),
+        ("sensor('a b' + A)", 7, "found ''a b' + A'; allowed: a name, a text in quotes, or a number"),
+        ("1 + 'a b'", 4, f"found ''a b''; allowed: {ALLOWED}"),
+        ("sensr(a)", 0, "unknown function 'sensr'; allowed: abs"),
+    ],
+)
+def test_what_is_no_reference_is_refused(text, offset, message):
+    with pytest.raises(ExpressionError) as caught:
+        parse_expression(text, NAMES, units=True, references=REFERENCES)
+    assert str(caught.value).startswith(message)
+    assert caught.value.offset == offset
+
+
+def test_a_caller_may_add_functions_or_give_them_other_arguments():
+    tree = parse_expression("max(first(A) / 2)", NAMES, functions={"first": (1, 1), "max": (1, 2)})
+    assert tree == Call("max", (Binary("/", Call("first", (Name("A"),)), Number(2.0)),))

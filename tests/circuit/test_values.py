@@ -55,6 +55,10 @@ def look_up(name: str) -> Quantity:
         ("80 mm \N{MINUS SIGN} margin", 0.075, "length"),
         ("(edge + margin) * (1 - 20 %)", 0.068, "length"),
         ("2e-3 m * 2", 0.004, "length"),
+        ("where(edge > 1 cm and not margin > 1 m, edge, 0 m)", 0.08, "length"),
+        ("(edge < 1 cm or margin < 1 m) + 2", 3, "dimensionless"),
+        ("hypot(edge, 6 cm)", 0.1, "length"),
+        ("atan2(margin, -margin)", 3 * math.pi / 4, "angle"),
         ("exp(edge / margin)", math.exp(16), "dimensionless"),
     ],
 )
@@ -97,7 +101,7 @@ def test_a_multiple_keeps_its_unit_and_a_ratio_has_none(unit, value, factor):
          "w, edge, margin, lateral.w", "did you mean 'margin'?", 7),
         ("mm", "unknown parameter 'mm'; allowed: a number, a quantity such as '-80 mm', or a parameter: "
          "w, edge, margin, lateral.w", "did you mean '1 mm'?", 0),
-        ("2 if 1 else 3", "found '2 if 1 else 3'; allowed: numbers, names, + - * / ^ < <= > >= and functions; did you mean 'where(1, 2, 3)'?", "", 0),
+        ("2 if 1 else 3", "found '2 if 1 else 3'; allowed: numbers, names, + - * / ^ < <= > >= and or not, and functions; did you mean 'where(1, 2, 3)'?", "", 0),
         ("edge - inf", "found 'inf'; allowed: a finite number", "", 7),
     ],
 )  # fmt: skip

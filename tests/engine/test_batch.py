@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from circuitkit.engine import compile_circuit, run, step
+from circuitkit.engine import Stepper, compile_circuit, run, step
 
 
 def _bits(*arrays):
@@ -57,7 +57,7 @@ def test_step_stepper_and_run_are_one_thing(circuits, data, batch):
     program = compile_circuit(graph, "numpy", reproducible=True)
     inputs = np.random.default_rng(batch).normal(size=(4, batch, len(graph.inputs)))
     trace = run(program, inputs)
-    stepper, state = program.stepper(batch), program.initial_state(batch)
+    stepper, state = Stepper(program, batch), program.initial_state(batch)
     for t in range(4):
         state = step(program, state, inputs[t])
         readout = stepper.step(inputs[t])
@@ -97,7 +97,7 @@ def test_step_does_not_touch_its_state_unless_it_is_told_to(program):
 
 
 def test_a_stepper_takes_inputs_in_place_and_goes_back_to_any_state(program):
-    stepper = program.stepper(2)
+    stepper = Stepper(program, 2)
     stepper.step(np.array([[0.5], [0.25]]))
     middle = stepper.state
     stepper.inputs[...] = 1.0

@@ -16,9 +16,10 @@ from circuitkit.base.errors import DivergedError, InputError
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine import compile_circuit, run
+from circuitkit.engine import Stepper, compile_circuit, run
 from circuitkit.engine.backends.c import fusion, source
 from circuitkit.engine.backends.c.kernel import CompiledKernel
+from circuitkit.engine.kernels import new_kernel
 from circuitkit.engine.operations import Map, Noise, Recall, Remember, Sum
 
 pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
@@ -42,7 +43,7 @@ def states_of(program, inputs, seed=0):
     for backend in ("compiled", "numpy"):
         chosen = replace(program, backend=backend)
         if backend == "compiled":
-            assert isinstance(chosen.new_kernel(batch), CompiledKernel)
+            assert isinstance(new_kernel(chosen, batch), CompiledKernel)
         state = chosen.initial_state(batch, seed)
         found.append(run(chosen, inputs, state, states=True).states)
     return found
@@ -202,7 +203,7 @@ def test_delays_give_back_what_was_so_many_steps_ago(in_substeps):
     )
     steps = 9
     state = program.initial_state(2)
-    kernel = program.new_kernel(2)
+    kernel = new_kernel(program, 2)
     for done in range(1, steps + 1):
         kernel.load(state)  # the ring must not depend on where it stood
         assert kernel.advance()
@@ -256,7 +257,7 @@ def test_a_run_ends_with_the_step_after_which_something_is_not_finite(batch):
     inputs = np.zeros((steps, batch, 1))
     inputs[0, member] = 1e300
     first = next(t for t in range(steps) if not math.isfinite(1e300 * 2.0**t))
-    kernel = program.new_kernel(batch)
+    kernel = new_kernel(program, batch)
     kernel.load(program.initial_state(batch))
     record = np.zeros((steps, batch, 1))
     assert kernel.run(inputs, np.array([2], np.int32), record) == first
@@ -284,7 +285,7 @@ def test_a_large_but_finite_number_is_no_divergence():
 @both_forms
 def test_an_input_that_is_not_finite_is_noticed_in_the_step():
     program = program_of((), 3, lasting=(2,), backend="compiled")
-    stepper = program.stepper(3)
+    stepper = Stepper(program, 3)
     stepper.inputs[2] = math.nan
     with pytest.raises(InputError, match="found nan at batch member 2"):
         stepper.step()
@@ -298,7 +299,7 @@ def test_a_run_of_many_steps_is_the_same_steps_one_by_one():
     program = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
     inputs = np.random.default_rng(4).normal(size=(30, 5, 2)) * [0.3, 0.1]
     trace = run(program, inputs)
-    stepper = program.stepper(5)
+    stepper = Stepper(program, 5)
     for t, row in enumerate(inputs):
         np.testing.assert_array_equal(stepper.step(row), trace.readout[t])
     for found, wanted in zip(stepper.state.arrays(), trace.state.arrays(), strict=True):
@@ -310,13 +311,13 @@ def test_float32_is_close():
     double = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
     single = compile_circuit(load_circuit("binn_lateral"), backend="compiled", precision="float32")
     inputs = np.random.default_rng(5).normal(size=(30, 9, 2)) * [0.3, 0.1]
-    assert isinstance(single.new_kernel(9), CompiledKernel)
+    assert isinstance(new_kernel(single, 9), CompiledKernel)
     np.testing.assert_allclose(run(single, inputs).readout, run(double, inputs).readout, atol=2e-4)
 
 
 def test_weights_are_data(monkeypatch):
     """Other numbers need no other library."""
-    compile_circuit(compile_graph(1.0, 0.5), backend="compiled").new_kernel(1)
+    new_kernel(compile_circuit(compile_graph(1.0, 0.5), backend="compiled"), 1)
     monkeypatch.setenv("PATH", "")
     other = compile_circuit(compile_graph(2.0, 0.7), backend="compiled")
-    assert isinstance(other.new_kernel(1), CompiledKernel)
+    assert isinstance(new_kernel(other, 1), CompiledKernel)

@@ -15,10 +15,11 @@ import pytest
 from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends import compiled_backend
-from circuitkit.engine.backends.c import build, kernel, source
+from circuitkit.engine.backends.c import build, kernel
 from circuitkit.engine.backends.c.build import BuildError, load_program, unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
+from circuitkit.engine.kernels import new_kernel
 
 pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
 SOURCE = '#include "context.h"\nint64_t ck_work(void) {{ return {}; }}\n'
@@ -92,7 +93,7 @@ def test_without_a_compiler_numpy_does_the_same_and_says_so(caplog):
             program = compile_circuit(load_circuit("binn_lateral"), backend=backend)
         assert caplog.messages == warnings
         assert (program.backend, program.note) == ("numpy", f"backend numpy: {reason}")
-        assert not isinstance(program.new_kernel(1), CompiledKernel)
+        assert not isinstance(new_kernel(program, 1), CompiledKernel)
 
 
 @pytest.mark.usefixtures("cache")
@@ -102,12 +103,12 @@ def test_a_mistake_in_the_making_of_the_c_leads_to_numpy(monkeypatch, caplog):
     def mistaken(*_):
         return {}["row 7"]
 
-    monkeypatch.setattr(source, "print_program", mistaken)
+    monkeypatch.setattr(compiled_backend, "print_program", mistaken)
     monkeypatch.setattr(kernel, "print_program", mistaken)
     reason = "internal error of the compiled backend, KeyError: 'row 7'"
     assert compiled_backend.prepare(before) == reason
     with caplog.at_level(logging.WARNING, "circuitkit"):
-        assert isinstance(before.new_kernel(1), NumpyKernel)
+        assert isinstance(new_kernel(before, 1), NumpyKernel)
         for backend in ("auto", "compiled"):
             program = compile_circuit(load_circuit("binn_lateral"), backend=backend)
             assert (program.backend, program.note) == ("numpy", f"backend numpy: {reason}")
@@ -213,7 +214,7 @@ def test_numbers_of_threads_without_sense_are_passed_over_with_a_warning(monkeyp
     program = compile_circuit(load_circuit("binn_lateral"), backend="compiled")
     with caplog.at_level(logging.WARNING, "circuitkit"):
         for _ in range(2):
-            assert isinstance(program.new_kernel(1), CompiledKernel)
+            assert isinstance(new_kernel(program, 1), CompiledKernel)
     assert caplog.messages == [
         f"CIRCUITKIT_THREADS is passed over: found '{text}'; allowed: whole numbers from 1"
     ]

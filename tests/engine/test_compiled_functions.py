@@ -11,6 +11,7 @@ from programs import program_of
 
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine.backends.c.kernel import CompiledKernel
+from circuitkit.engine.backends.numpy_backend import NumpyKernel
 from circuitkit.engine.operations import Map
 
 pytestmark = pytest.mark.usefixtures("no_fallback")
@@ -101,3 +102,28 @@ def test_a_number_alone_gives_the_bits_of_many_side_by_side(compute):
     for k, x in enumerate(numbers):
         alone = compute(np.array([x]))
         assert all(alone[name][0] == many[name][k] for name in NAMES)
+
+
+def test_functions_of_two_arguments_are_those_of_math(tmp_path, monkeypatch):
+    monkeypatch.setenv("CIRCUITKIT_CACHE", str(tmp_path))
+    names = ("atan2", "hypot")
+    maps = [
+        Map(1, ((3 + i, parse_expression(f"{name}(y, x)", ("y", "x"))),), {"y": 1, "x": 2})
+        for i, name in enumerate(names)
+    ]
+    some = [0.0, -0.0, 1.0, -1.0, 3e-200, -4e200, 0.3, -7.1, math.inf]
+    pairs = np.array([(y, x) for y in some for x in some] + [(math.nan, 1.0), (1.0, math.nan)])
+    values = {}
+    for backend, kernel_of in (("compiled", CompiledKernel), ("numpy", NumpyKernel)):
+        program = program_of(maps, 5, n_inputs=2, lasting=range(3, 5), backend=backend)
+        kernel = kernel_of(program, len(pairs))
+        kernel.load(program.initial_state(len(pairs)))
+        kernel.inputs[...] = pairs
+        kernel.advance()
+        state = program.initial_state(len(pairs))
+        kernel.store(state)
+        values[backend] = state.states
+    expected = np.array([[math.atan2(y, x), math.hypot(y, x)] for y, x in pairs])
+    for found in values.values():
+        np.testing.assert_allclose(found, expected, rtol=4e-16, atol=0)
+        assert np.array_equal(np.signbit(found[: len(some) ** 2]), np.signbit(expected[: len(some) ** 2]))

@@ -14,6 +14,7 @@ from circuitkit.circuit import parse_circuit
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.c import source, spikes
+from circuitkit.engine.kernels import new_kernel
 from circuitkit.engine.operations import Map, Recall, Remember, Sum
 
 pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
@@ -85,7 +86,7 @@ def test_all_bits_are_those_of_the_sums_over_all_terms(seed, active, one_weight,
 def test_what_is_not_finite_is_no_zero():
     """An infinite spike reaches its targets."""
     program = spiking(np.random.default_rng(0), one_weight=False)
-    kernel, state = program.new_kernel(1), program.initial_state(1)
+    kernel, state = new_kernel(program, 1), program.initial_state(1)
     kernel.load(state)
     kernel.inputs[0, 5] = np.inf
     assert not kernel.advance()
@@ -143,4 +144,4 @@ def test_rate_circuits_have_no_second_copy_of_their_weights(neuron, monkeypatch)
 
 def test_a_batch_of_spiking_circuits_has_no_second_copy_of_its_weights(monkeypatch):
     monkeypatch.setattr(spikes, "_columns", lambda _: pytest.fail("a copy was made"))
-    spiking(np.random.default_rng(2), one_weight=False).new_kernel(2)
+    new_kernel(spiking(np.random.default_rng(2), one_weight=False), 2)

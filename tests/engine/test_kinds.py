@@ -22,7 +22,7 @@ from circuitkit.circuit.graph import (
     Synapse,
 )
 from circuitkit.circuit.models import neuron_model
-from circuitkit.engine import compile_circuit, run, step
+from circuitkit.engine import Stepper, compile_circuit, run, step
 
 MODERATE = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 
@@ -53,7 +53,7 @@ def test_a_member_of_a_batch_gets_the_bits_of_one_alone(graph, batch):
 def test_step_stepper_and_run_are_one_thing_in_one_part_or_two(graph, batch):
     program, inputs = compile_circuit(graph, "numpy", reproducible=True), signals(graph, batch)
     whole = run(program, inputs)
-    stepper, state = program.stepper(batch), program.initial_state(batch)
+    stepper, state = Stepper(program, batch), program.initial_state(batch)
     for t, row in enumerate(inputs):
         readout = stepper.step(row)
         state = step(program, state, row)
@@ -70,7 +70,7 @@ def test_step_stepper_and_run_are_one_thing_in_one_part_or_two(graph, batch):
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 @given(graph=any_circuits(), batch=st.sampled_from([1, 7, 300]))
 def test_a_step_allocates_nothing(graph, batch):
-    stepper = compile_circuit(graph, "numpy", reproducible=True).stepper(batch)
+    stepper = Stepper(compile_circuit(graph, "numpy", reproducible=True), batch)
     stepper.inputs[...] = 0.1
     for _ in range(3):
         stepper.step()
@@ -93,7 +93,7 @@ def test_the_straight_code_of_a_few_neurons_allocates_nothing(timing):
 
     graph = replace(load_circuit("binn_lateral"), timing=timing)
     for batch in (1, 100, 3000):
-        stepper = compile_circuit(graph, "numpy", reproducible=False).stepper(batch)
+        stepper = Stepper(compile_circuit(graph, "numpy", reproducible=False), batch)
         for _ in range(3):
             stepper.step()
         tracemalloc.start()
@@ -276,7 +276,7 @@ def test_without_a_fixed_order_results_agree_to_rounding(circuits, data, batch):
     exact = run(compile_circuit(graph, "numpy", reproducible=True), inputs)
     program = compile_circuit(graph, "numpy", reproducible=False)
     loose = run(program, inputs)
-    stepper = program.stepper(batch)
+    stepper = Stepper(program, batch)
     for row in inputs:
         readout = stepper.step(row)
     for one, other in (
@@ -296,7 +296,7 @@ def test_without_a_fixed_order_too_nothing_that_is_not_finite_is_returned(batch,
     from circuitkit.circuit.load import load_circuit
 
     graph = replace(load_circuit("binn_lateral"), timing=timing)
-    stepper = compile_circuit(graph, "numpy", reproducible=False).stepper(batch)
+    stepper = Stepper(compile_circuit(graph, "numpy", reproducible=False), batch)
     inputs = np.zeros((batch, 2))
     stepper.step(inputs)
     inputs[-1, 1] = value

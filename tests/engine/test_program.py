@@ -8,7 +8,7 @@ import pytest
 from circuitkit.base.errors import DivergedError, InputError, UnknownNameError
 from circuitkit.circuit import memory
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.engine import State, compile_circuit, run, step
+from circuitkit.engine import State, Stepper, compile_circuit, run, step
 from circuitkit.engine.backends import BACKEND_NAMES
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.lowering.maps import make_map
@@ -66,10 +66,10 @@ def test_shapes_that_do_not_fit_are_named_with_those_that_do(graph):
             lambda: step(program, state, np.zeros((4, 3)))
         ),
         "inputs: found shape (2,); allowed: an array of shape (1, 2) with the columns left, right": (
-            lambda: program.stepper().step(np.zeros(2))
+            lambda: Stepper(program).step(np.zeros(2))
         ),
         "inputs: found list; allowed: an array of shape (1, 2) with the columns left, right": (
-            lambda: program.stepper().step([[0.0, 0.0]])
+            lambda: Stepper(program).step([[0.0, 0.0]])
         ),
         "inputs: found shape (9, 2); allowed: an array of shape (T, B, 2) with the columns left, right": (
             lambda: run(program, np.zeros((9, 2)))
@@ -168,7 +168,7 @@ def test_check_inputs_names_what_is_not_finite(graph):
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_no_step_accepts_an_input_that_is_not_finite(graph, value):
     program = compile_circuit(graph, "numpy")
-    stepper = program.stepper()
+    stepper = Stepper(program)
     inputs = np.array([[0.0, value]])
     for call in (
         lambda: step(program, program.initial_state(), inputs),
@@ -195,7 +195,7 @@ def test_what_overflows_is_named_with_step_neuron_and_member(build):
         with pytest.raises(DivergedError) as error:
             run(program, inputs)
         assert str(error.value) == message
-        stepper = program.stepper(3)
+        stepper = Stepper(program, 3)
         stepper.step(inputs[0])
         stepper.step(inputs[1])
         with pytest.raises(DivergedError) as error:

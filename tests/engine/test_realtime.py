@@ -10,7 +10,7 @@ import pytest
 
 from circuitkit.base.errors import InputError
 from circuitkit.circuit import load_circuit
-from circuitkit.engine import compile_circuit
+from circuitkit.engine import Stepper, compile_circuit
 from circuitkit.engine.realtime import PERCENTILES, realtime
 
 
@@ -42,7 +42,7 @@ def test_percentiles_ascend_up_to_the_largest(program):
 
 def test_steps_longer_than_the_period_miss_all_deadlines(program, monkeypatch):
     """A step that takes 4 ms at 1 kHz: all ticks are missed, and each begins 3 ms later than the last."""
-    slow = program.stepper(1)
+    slow = Stepper(program, 1)
     fast = slow.step
 
     def step(inputs=None):

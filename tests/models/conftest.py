@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from circuitkit.circuit import parse_circuit
-from circuitkit.engine import compile_circuit
+from circuitkit.engine import Stepper, compile_circuit
 
 Array = npt.NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def play_circuit(text: str, inputs: npt.ArrayLike) -> Played:
     graph = parse_circuit(text)
     program = compile_circuit(graph, backend="numpy")
     values = np.asarray(inputs, dtype=np.float64).reshape(len(inputs), 1, -1)
-    stepper = program.stepper()
+    stepper = Stepper(program)
     outputs, activations, states = [], [], []
     for row in values:
         stepper.step(row)

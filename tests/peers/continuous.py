@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from circuitkit.circuit import parse_circuit
-from circuitkit.engine import compile_circuit
+from circuitkit.engine import Stepper, compile_circuit
 
 # Three neurons with continuous time, all connected; strong enough to leave the linear part of their sigmoids.
 LEAKY = """
@@ -54,7 +54,7 @@ def states(text, values, method=None, **overrides):
         neurons = (replace(each, model=replace(each.model, method=method)) for each in graph.neurons)
         graph = replace(graph, neurons=tuple(neurons))
     program = compile_circuit(graph)
-    stepper = program.stepper(1)
+    stepper = Stepper(program, 1)
     rows = []
     for row in values:
         stepper.step(row[np.newaxis])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from circuitkit.circuit import load_circuit
-from circuitkit.engine import compile_circuit
+from circuitkit.engine import Stepper, compile_circuit
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of what Brian2 uses
 
@@ -39,7 +39,7 @@ ds/dt = -s / (2 * ms) : amp
 def trajectory(graph, values):
     """States by name after every control step; `values` are the inputs, shape (steps, n_inputs)."""
     program = compile_circuit(graph)
-    stepper = program.stepper(1)
+    stepper = Stepper(program, 1)
     rows = []
     for row in values:
         stepper.step(row[np.newaxis])

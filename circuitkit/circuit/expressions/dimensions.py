@@ -1,8 +1,8 @@
 """The dimension of an expression, from those of its names; refuses what joins different ones.
 
 Sums, comparisons, minima and maxima need the same dimension on both sides; products and powers multiply
-dimensions; sine and cosine take an angle or a plain number; the other functions take plain numbers. A number
-is dimensionless, except that 0 fits any dimension.
+dimensions; sine and cosine take an angle or a plain number, `atan2` gives an angle; the other functions take
+plain numbers. A number is dimensionless, except that 0 fits any dimension.
 """
 
 from __future__ import annotations
@@ -177,6 +177,11 @@ def _of_angle(expression: Expression, found: list[OpenDimension | None]) -> Open
     return NO_DIMENSION if found == [_ANGLE] else _of_plain(expression, found)
 
 
+def _angle_between(expression: Expression, found: list[OpenDimension | None]) -> OpenDimension:
+    _alike(expression, found)
+    return _ANGLE
+
+
 def _of_any(_: Expression, __: list[OpenDimension | None]) -> OpenDimension:
     return NO_DIMENSION
 
@@ -197,9 +202,10 @@ def _of_choice(expression: Expression, found: list[OpenDimension | None]) -> Ope
 
 _Rule = Callable[[Expression, list[OpenDimension | None]], OpenDimension | None]
 _RULES: Mapping[str, _Rule] = {
-    **dict.fromkeys(("abs", "clip", "max", "min"), _alike),
+    **dict.fromkeys(("abs", "clip", "hypot", "max", "min"), _alike),
     **dict.fromkeys(("cos", "sin"), _of_angle),
     **dict.fromkeys(("heaviside", "sign"), _of_any),
+    "atan2": _angle_between,
     "sqrt": _root,
     "where": _of_choice,
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -70,6 +71,7 @@ def _power(base: Value, exponent: Value) -> Value:
 
 SCALAR_FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "abs": abs,
+    "atan2": math.atan2,
     "clip": clip,
     "cos": math.cos,
     "exp": math.exp,
@@ -77,6 +79,7 @@ SCALAR_FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "exprel": exprel,
     "floor": lambda x: float(math.floor(x)),
     "heaviside": heaviside,
+    "hypot": math.hypot,
     "log": math.log,
     "log1p": math.log1p,
     "max": max,
@@ -88,7 +91,7 @@ SCALAR_FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "tanh": math.tanh,
     "where": where,
 }
-_ARITY_NOT_ONE = {"clip": 3, "max": 2, "min": 2, "where": 3}
+_ARITY_NOT_ONE = {"atan2": 2, "clip": 3, "hypot": 2, "max": 2, "min": 2, "where": 3}
 FUNCTION_ARITY: Mapping[str, int] = {name: _ARITY_NOT_ONE.get(name, 1) for name in SCALAR_FUNCTIONS}
 CONSTANTS: Mapping[str, float] = {"pi": math.pi}
 _BINARY: Mapping[str, Callable[[Value, Value], Value]] = {
@@ -104,6 +107,7 @@ _BINARY: Mapping[str, Callable[[Value, Value], Value]] = {
 }
 COMPARISONS = frozenset({"<", "<=", ">", ">="})
 BINARY_OPERATORS: tuple[str, ...] = tuple(_BINARY)
+_PLAIN_NAME = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)*")
 # How tightly each kind of node binds, to print no more parentheses than it takes.
 _COMPARISON, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(6)
 _BINDING = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "**": _POWER}
@@ -188,7 +192,10 @@ class Name(Expression):
         return values[self.name]
 
     def __str__(self) -> str:
-        return self.name
+        if _PLAIN_NAME.fullmatch(self.name):
+            return self.name
+        quote = "'" if '"' in self.name else '"'  # as an argument of a reference, where any text may stand
+        return f"{quote}{self.name}{quote}"
 
 
 @dataclass(frozen=True)
@@ -247,7 +254,7 @@ class Binary(Expression):
 
 @dataclass(frozen=True)
 class Call(Expression):
-    """A function of the whitelist with its arguments."""
+    """A function of the whitelist, or one that a caller of the parser added, with its arguments."""
 
     function: str
     arguments: tuple[Expression, ...]

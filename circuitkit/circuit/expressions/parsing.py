@@ -5,12 +5,15 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from types import MappingProxyType
+from typing import TypeAlias
 
 from circuitkit.base.errors import ExpressionError, listing, suggest
 from circuitkit.base.units import DIMENSIONLESS, Quantity
 from circuitkit.circuit.expressions.expression import (
+    COMPARISONS,
     CONSTANTS,
     FUNCTION_ARITY,
     Binary,
@@ -20,7 +23,8 @@ from circuitkit.circuit.expressions.expression import (
     Number,
     Unary,
 )
-from circuitkit.circuit.expressions.quantities import StandIns, with_stand_ins
+from circuitkit.circuit.expressions.quantities import StandIns, with_stand_ins, without_quotes
+from circuitkit.circuit.expressions.symbolic import constant
 
 _MAX_LENGTH = 1000
 _MAX_DEPTH = 50
@@ -37,18 +41,39 @@ _SYMBOL_OF_NODE: Mapping[type[ast.AST], str] = {
     ast.Gt: ">",
     ast.GtE: ">=",
 }
-_ALLOWED = "allowed: numbers, names, + - * / ^ < <= > >= and functions"
+_ALLOWED = "allowed: numbers, names, + - * / ^ < <= > >= and or not, and functions"
+_DOTTED = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)+")
+_ZERO, _ONE = Number(0.0), Number(1.0)
+Arities: TypeAlias = Mapping[str, tuple[int, int]]  # smallest and largest number of arguments, by name
+_NOTHING: Arities = MappingProxyType({})
+_ARITIES: Arities = {name: (arity, arity) for name, arity in FUNCTION_ARITY.items()}
 
 
-def parse_expression(text: str, names: Iterable[str], *, units: bool = False) -> Expression:
+def parse_expression(
+    text: str,
+    names: Iterable[str],
+    *,
+    units: bool = False,
+    functions: Arities = _NOTHING,
+    references: Arities = _NOTHING,
+) -> Expression:
     """Read an expression such as `sigmoid(slope * (A - shift))`; `^` and `**` are both powers.
 
-    The constant `pi` may be used, unless the name means something else here.
+    The constant `pi` may be used, unless the name means something else here. `a and b`, `a or b` and `not a`
+    give 1 or 0, as comparisons do, and are read as calls of `where`; what is not 0 is true.
 
     Args:
         text: The expression.
         names: The names that may occur.
         units: Whether numbers may have a unit directly behind them, such as `40 mV`.
+        functions: Functions beside those of the language, or in their place, with the smallest and the
+            largest number of their arguments, which are expressions.
+        references: Functions whose arguments are no expressions, such as `sensor(eye_left)` or
+            `position("left foot", x)`, with the smallest and the largest number of them. A bare or quoted
+            text becomes a `Name` of this text, a number a `Number`.
+
+    Returns:
+        The tree; a function of the caller's is a `Call` in it.
 
     Raises:
         ExpressionError: It is no expression, or uses a name or a function that is not allowed; its `offset`
@@ -57,7 +82,7 @@ def parse_expression(text: str, names: Iterable[str], *, units: bool = False) ->
     if len(text) > _MAX_LENGTH:
         message = f"found an expression of {len(text)} characters; allowed: {_MAX_LENGTH}"
         raise ExpressionError(message)
-    source = _Source(text, frozenset(names), units=units)
+    source = _Source(text, frozenset(names), {**_ARITIES, **functions}, references, units=units)
     try:
         tree = ast.parse(source.python, mode="eval")
         return _convert(tree.body, source)
@@ -90,17 +115,29 @@ def require_values(expression: Expression) -> None:
 
 
 class _Source:
-    """An expression as written and as Python has it, with the names and quantities that may occur."""
+    """An expression as written and as Python has it, with the names and functions that may occur."""
 
-    def __init__(self, text: str, names: frozenset[str], *, units: bool) -> None:
+    def __init__(
+        self, text: str, names: frozenset[str], functions: Arities, references: Arities, *, units: bool
+    ) -> None:
         self.names = names
+        self.functions = {**functions, **references}
+        self.references = references
         self.quantities = {
             name: Quantity(value, DIMENSIONLESS) for name, value in CONSTANTS.items() if name not in names
         }
-        self._text, self._stand_ins = with_stand_ins(text, names) if units else (text, StandIns())
+        self._stand_ins = StandIns()
+        self._text = without_quotes(text, self._stand_ins) if references else text
+        if units:
+            self._text, _ = with_stand_ins(self._text, names, self._stand_ins)
         self.quantities |= self._stand_ins.quantities
+        self.texts = self._stand_ins.texts
         self._start = len(text) - len(text.lstrip())
         self.python = re.sub(r"\s", " ", self._text.strip()).replace("^", "**")
+
+    def is_quantity(self, name: str) -> bool:
+        """Whether a name stands for a number with a unit."""
+        return name in self._stand_ins.quantities
 
     def as_written(self, node: ast.expr) -> str:
         """The text of a node."""
@@ -137,34 +174,106 @@ def _convert(node: ast.expr, source: _Source, depth: int = 0) -> Expression:
     if depth > _MAX_DEPTH:
         message = f"found an expression nested more than {_MAX_DEPTH} deep; allowed: up to {_MAX_DEPTH}"
         raise ExpressionError(message, at)
-    inside = partial(_convert, source=source, depth=depth + 1)
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
             return Number(_finite(value, at), offset=at)
         case ast.Name(id=name) if name in source.quantities:
             quantity = source.quantities[name]
             return Number(quantity.value_si, quantity.unit, offset=at)
-        case ast.Name(id=name):
+        case ast.Name(id=name) if name not in source.texts:
             return Name(_known(name, source.names, "name", at), offset=at)
+    joined = _convert_joint(node, source, at, partial(_convert, source=source, depth=depth + 1))
+    if joined is None:
+        message = f"found '{source.as_written(node)}'; {_ALLOWED}{_meant(node, source)}"
+        raise ExpressionError(message, source.offset_of_joint(node))
+    return joined
+
+
+def _convert_joint(
+    node: ast.expr, source: _Source, at: int, inside: Callable[[ast.expr], Expression]
+) -> Expression | None:
+    """Convert what has operands or arguments, these by `inside`; None if the language has no such thing."""
+    match node:
         case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=operand):
             return Unary(_SYMBOL_OF_NODE[type(sign)], inside(operand), offset=at)
+        case ast.UnaryOp(op=ast.Not(), operand=operand):
+            return Call("where", (inside(operand), _ZERO, _ONE), offset=at)
+        case ast.BoolOp(op=joint, values=parts):
+            return _joined(isinstance(joint, ast.And), [inside(part) for part in parts])
         case (
             ast.BinOp(left=left, op=joint, right=right)
             | ast.Compare(left=left, ops=[joint], comparators=[right])
         ) if type(joint) in _SYMBOL_OF_NODE:
             return Binary(_SYMBOL_OF_NODE[type(joint)], inside(left), inside(right), offset=at)
         case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
-            _known(function, frozenset(FUNCTION_ARITY), "function", at)
-            arity = FUNCTION_ARITY[function]
-            if len(arguments) != arity:
-                message = f"found {function} with {len(arguments)} arguments; allowed: {arity}"
-                raise ExpressionError(message, at)
-            return Call(function, tuple(inside(argument) for argument in arguments), offset=at)
-    message = f"found '{source.as_written(node)}'; {_ALLOWED}"
-    if isinstance(node, ast.IfExp):
-        parts = (source.as_written(part) for part in (node.test, node.body, node.orelse))
-        message = f"{message}; did you mean 'where({', '.join(parts)})'?"
-    raise ExpressionError(message, source.offset_of_joint(node))
+            _require_function(function, len(arguments), source, at)
+            convert = partial(_literal, source=source) if function in source.references else inside
+            return Call(function, tuple(convert(argument) for argument in arguments), offset=at)
+    return None
+
+
+def _joined(is_and: bool, parts: list[Expression]) -> Expression:
+    """Read `a and b` as where(a, b, 0), `a or b` as where(a, 1, b); a `b` that is not 1 or 0 becomes so."""
+    *others, last = parts
+    joined = last if _is_truth(last) else Call("where", (last, _ONE, _ZERO), offset=last.offset)
+    for part in reversed(others):
+        branches = (joined, _ZERO) if is_and else (_ONE, joined)
+        joined = Call("where", (part, *branches), offset=part.offset)
+    return joined
+
+
+def _is_truth(expression: Expression) -> bool:
+    """Whether an expression is 1 or 0, whatever its names are."""
+    match expression:
+        case Binary(operator=joint):
+            return joint in COMPARISONS
+        case Call(function="where", arguments=(_, then, otherwise)):
+            return _is_truth(then) and _is_truth(otherwise)
+    return expression in {_ZERO, _ONE}
+
+
+def _require_function(name: str, count: int, source: _Source, at: int) -> None:
+    """Refuse a function that there is not, or that takes another number of arguments."""
+    _known(name, frozenset(source.functions), "function", at)
+    least, most = source.functions[name]
+    if not least <= count <= most:
+        allowed = f"{least}" if least == most else f"{least} to {most}"
+        message = f"found {name} with {count} arguments; allowed: {allowed}"
+        raise ExpressionError(message, at)
+
+
+def _literal(node: ast.expr, source: _Source) -> Expression:
+    """Read an argument of a reference: a text, or a number."""
+    at = source.offset_of(node)
+    match node:
+        case ast.Name(id=name) if name in source.texts:
+            return Name(source.texts[name], offset=at)
+        case ast.Name(id=name) if not source.is_quantity(name):
+            return Name(name, offset=at)
+        case ast.Attribute() if _DOTTED.fullmatch(text := ast.unparse(node)):
+            return Name(text, offset=at)
+        case ast.Name() | ast.Constant(value=int() | float()):
+            return _convert(node, source)
+        case ast.UnaryOp(operand=ast.Name() | ast.Constant()):
+            if (value := constant(_convert(node, source))) is not None:
+                return Number(value, offset=at)
+    message = f"found '{source.as_written(node)}'; allowed: a name, a text in quotes, or a number"
+    raise ExpressionError(message, at)
+
+
+def _meant(node: ast.expr, source: _Source) -> str:
+    """A hint for what Python has, but not this language."""
+    written = source.as_written
+    match node:
+        case ast.IfExp(test=test, body=body, orelse=otherwise):
+            return f"; did you mean 'where({written(test)}, {written(body)}, {written(otherwise)})'?"
+        case ast.Compare(left=left, ops=[*joints], comparators=[*others]) if len(joints) > 1 and all(
+            type(joint) in _SYMBOL_OF_NODE for joint in joints
+        ):
+            pairs = zip([left, *others], joints, others, strict=False)
+            parts = (f"{written(a)} {_SYMBOL_OF_NODE[type(joint)]} {written(b)}" for a, joint, b in pairs)
+            return f"; did you mean '{' and '.join(parts)}'?"
+    return ""
 
 
 def _finite(value: float, at: int) -> float:

@@ -14,6 +14,7 @@ _NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?")
 _POWER = r"(?:\s*\^\s*-?\d(?!\w))?(?![\w(.])"
 _UNIT = re.compile(rf"\s*(?P<over>/\s*|1/)?(?P<symbol>[A-Za-z]+|%){_POWER}")
 _FURTHER_UNIT = re.compile(rf"\s*[*/]\s*(?P<symbol>[A-Za-z]+){_POWER}")
+_QUOTED = re.compile(r"""\"[^\"\n]*\"|'[^'\n]*'""")
 _FIRST_STAND_IN = 0x4E00  # names from one letter that nobody writes
 
 
@@ -23,10 +24,12 @@ class StandIns:
 
     Attributes:
         quantities: What the stand-ins for quantities mean.
+        texts: What stands between the quotes of those for quoted texts.
         written: What every stand-in stands for, as written.
     """
 
     quantities: dict[str, Quantity] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
     written: dict[str, str] = field(default_factory=dict)
 
     def add(self, written: str) -> str:
@@ -42,17 +45,31 @@ class StandIns:
         return text
 
 
-def with_stand_ins(text: str, names: Collection[str] = ()) -> tuple[str, StandIns]:
-    """The text with a name in the place of every number that is directly followed by a unit.
+def without_quotes(text: str, stand_ins: StandIns) -> str:
+    """Put a name in the place of every quoted text, so that nothing in it is taken for anything else."""
+
+    def name_of(match: re.Match[str]) -> str:
+        name = stand_ins.add(match[0])
+        stand_ins.texts[name] = match[0][1:-1]
+        return name
+
+    return _QUOTED.sub(name_of, text)
+
+
+def with_stand_ins(
+    text: str, names: Collection[str] = (), stand_ins: StandIns | None = None
+) -> tuple[str, StandIns]:
+    """Put a name in the place of every number that is directly followed by a unit.
 
     Args:
         text: An expression.
         names: Names that are no units there, even if they look like one.
+        stand_ins: Names that stand for other parts of the text already.
 
     Raises:
         ExpressionError: A number is followed by something that is neither a unit nor an operator.
     """
-    stand_ins = StandIns()
+    stand_ins = stand_ins or StandIns()
     pieces, position = [], 0
     for match in _NUMBER.finditer(text):
         end = _end_of_unit(text, match.end(), names)

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 from circuitkit.circuit.expressions.expression import (
     COMPARISONS,
+    SCALAR_FUNCTIONS,
     Binary,
     Call,
     Expression,
@@ -146,7 +147,7 @@ def _without_inner_sign(expression: Binary) -> Expression:
 
 def _call(expression: Call) -> Expression:
     values = [constant(argument) for argument in expression.arguments]
-    if None not in values:
+    if None not in values and expression.function in SCALAR_FUNCTIONS:
         return _computed(expression)
     if expression.function == "where":
         _, then, otherwise = expression.arguments
@@ -167,8 +168,8 @@ def _derivative(expression: Expression, name: str) -> Expression:
             return _derivative_of_binary(expression, name)
         case Call(function=function, arguments=arguments):
             inner = tuple(_derivative(argument, name) for argument in arguments)
-            if function in _PIECEWISE:
-                return _PIECEWISE[function](arguments, inner)
+            if function in _OF_SEVERAL:
+                return _OF_SEVERAL[function](arguments, inner)
             return Binary("*", _OUTER[function](arguments[0]), inner[0])
     return _ONE
 
@@ -210,6 +211,19 @@ def _chosen(comparison: str, pair: tuple[Expression, ...], inner: tuple[Expressi
     return Call("where", (Binary(comparison, *pair), *inner))
 
 
+def _hypot_slope(arguments: tuple[Expression, ...], inner: tuple[Expression, ...]) -> Expression:
+    """(x dx + y dy) / hypot(x, y)."""
+    products = (Binary("*", *pair) for pair in zip(arguments, inner, strict=True))
+    return Binary("/", Binary("+", *products), Call("hypot", arguments))
+
+
+def _atan2_slope(arguments: tuple[Expression, ...], inner: tuple[Expression, ...]) -> Expression:
+    """(x dy - y dx) / (x^2 + y^2)."""
+    (y, x), (dy, dx) = arguments, inner
+    square = Binary("+", Binary("*", x, x), Binary("*", y, y))
+    return Binary("/", Binary("-", Binary("*", x, dy), Binary("*", y, dx)), square)
+
+
 def _clip_slope(arguments: tuple[Expression, ...], inner: tuple[Expression, ...]) -> Expression:
     (x, low, high), (dx, dlow, dhigh) = arguments, inner
     return _chosen("<=", (Call("max", (x, low)), high), (_chosen(">=", (x, low), (dx, dlow)), dhigh))
@@ -232,9 +246,11 @@ _OUTER: Mapping[str, Callable[[Expression], Expression]] = {
     "sqrt": lambda x: Binary("/", Number(0.5), Call("sqrt", (x,))),
     "tanh": _tanh_slope,
 }
-# Derivative of a function that is one of its arguments, from these and their derivatives.
-_PIECEWISE: Mapping[str, Callable[[tuple[Expression, ...], tuple[Expression, ...]], Expression]] = {
+# Derivative of a function of several arguments, from these and their derivatives.
+_OF_SEVERAL: Mapping[str, Callable[[tuple[Expression, ...], tuple[Expression, ...]], Expression]] = {
+    "atan2": _atan2_slope,
     "clip": _clip_slope,
+    "hypot": _hypot_slope,
     "max": lambda arguments, inner: _chosen(">=", arguments, inner),
     "min": lambda arguments, inner: _chosen("<=", arguments, inner),
     "where": lambda arguments, inner: Call("where", (arguments[0], *inner[1:])),

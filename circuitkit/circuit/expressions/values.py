@@ -34,7 +34,8 @@ from circuitkit.circuit.expressions.quantities import with_stand_ins
 _UNITS = frozenset(UNIT_SYMBOLS) - {"1", "%"}
 _LONE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _NAME = re.compile(r"(?<![\w.])(?P<name>[^\W\d]\w*(?:\.[A-Za-z_]\w*)*)(?P<opening>\s*\()?")
-_IS_JOINED = re.compile(r"\bif\b|[A-Za-z_]\s*\(|.[-+*/^<>]|^[^\d.+-]")
+_IS_JOINED = re.compile(r"\b(?:if|and|or|not)\b|[A-Za-z_]\s*\(|.[-+*/^<>]|^[^\d.+-]")
+_WORDS = frozenset({"and", "not", "or"})
 _NOT_FINITE = frozenset({"nan", "inf", "infinity"})
 
 
@@ -106,7 +107,7 @@ def compute(value: object, look_up: LookUp, variables: Mapping[str, Measure] | N
     names = {key: _named(read, key, look_up, variables or {}) for key in read.names}
     if not variables:
         return _computed(read, {**read.quantities, **names})
-    import numpy as np
+    import numpy as np  # 0.1 s, which most files are checked without
 
     with np.errstate(all="ignore"):  # what is not finite is complained about with its place
         return _computed(read, {**read.quantities, **names})
@@ -189,7 +190,8 @@ def _formula(text: str) -> _Formula:
     pieces, position = [], 0
     for match in _NAME.finditer(formula):
         name = match["name"]
-        if name not in stand_ins.quantities and not (name in SCALAR_FUNCTIONS and match["opening"]):
+        is_name = name not in stand_ins.quantities and name not in _WORDS
+        if is_name and not (name in SCALAR_FUNCTIONS and match["opening"]):
             piece = stand_ins.add(name) if "." in name else name
             names.setdefault(piece, (name, match.start()))
             pieces += [formula[position : match.start()], piece]

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from circuitkit.base.errors import Problem
 from circuitkit.base.units import format_quantity, parse_unit
-
-if TYPE_CHECKING:
-    from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
-    from circuitkit.circuit.resolving.scope import Scope
+from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
+from circuitkit.circuit.resolving.scope import Scope
 
 _FAR_FROM_WHOLE = 0.01
 _MILLISECOND = parse_unit("ms")

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from circuitkit.base.errors import Problem
 from circuitkit.base.source import FileModel, Place
 from circuitkit.circuit.graph import NO_ORIGIN, Origin
-
-if TYPE_CHECKING:
-    from circuitkit.circuit.models import NeuronModel, SynapseModel
-    from circuitkit.circuit.parts import Part
+from circuitkit.circuit.models import NeuronModel, SynapseModel
+from circuitkit.circuit.parts import Part
 
 SpecT = TypeVar("SpecT", bound=FileModel)
 

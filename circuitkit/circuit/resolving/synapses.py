@@ -8,7 +8,9 @@ from typing import Any
 
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
+from circuitkit.circuit.expressions.expression import Number
 from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
 from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.resolving.checks import rounded_delay
@@ -358,9 +360,6 @@ def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End
 
 def is_linear(model: SynapseModel) -> bool:
     """Whether a factor on the source may as well stand on the weight."""
-    from circuitkit.circuit.expressions.expression import Number
-    from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
-
     if model.states or model.reads:
         return False
     current = model.current

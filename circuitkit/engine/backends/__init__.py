@@ -6,17 +6,13 @@ A new backend is a new module with a function `make_kernel(program, batch)`.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
 
 from circuitkit.base.errors import UnknownNameError
-
-if TYPE_CHECKING:
-    from circuitkit.engine.operations import IndexArray
-    from circuitkit.engine.program import Program
-    from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.backends import compiled_backend
+from circuitkit.engine.backends.kernel import KernelMaker
+from circuitkit.engine.program import Program
 
 AUTO = "auto"
 COMPILED = "compiled"
@@ -24,55 +20,6 @@ _SUFFIX = "_backend"
 BACKEND_NAMES: tuple[str, ...] = tuple(
     sorted(path.stem.removesuffix(_SUFFIX) for path in Path(__file__).parent.glob(f"*{_SUFFIX}.py"))
 )
-
-
-class Kernel(Protocol):
-    """A program bound to arrays for one batch size; not to be shared between threads.
-
-    Attributes:
-        batch: Number of copies B of the circuit.
-        inputs: Where the inputs of the next step are written, shape (B, n_inputs), [SI].
-        readout: Outputs of the circuit after the last step, a read-only view of shape (B, n_outputs), [SI].
-        bind_step: May be there: `bind_step(take, fail)` gives one function `step(inputs=None)` that does all
-        that
-            `Stepper.step` does, or None; `take` puts inputs in their place, `fail` raises.
-        advance: Does one control step with what stands in `inputs`; says whether all is finite: the inputs,
-            and all rows that survive the step.
-    """
-
-    batch: int
-    inputs: FloatArray
-    readout: FloatArray
-    advance: Callable[[], bool]
-
-    def load(self, state: State) -> None:
-        """Take over a state."""
-
-    def store(self, state: State) -> None:
-        """Write the state into the arrays of another one."""
-
-    def store_output(self, output: FloatArray) -> None:
-        """Write the neurons' outputs alone into an array of shape (B, n_neurons)."""
-
-    def run(self, inputs: FloatArray, rows: IndexArray, record: FloatArray) -> int:
-        """Do T control steps and record rows of the table.
-
-        Args:
-            inputs: Shape (T, B, n_inputs), contiguous, [SI].
-            rows: Which rows to record: activations, outputs, outputs of the circuit or states, shape (R,).
-            record: Takes them as they are after each step, shape (T, B, R), contiguous.
-
-        Returns:
-            T, or the first step, from 0, after which something was not finite; the kernel is then left as it
-            was after that step.
-        """
-
-
-class KernelMaker(Protocol):
-    """Makes kernels; what a backend module must have under the name `make_kernel`."""
-
-    def __call__(self, program: Program, batch: int) -> Kernel:
-        """A kernel, whose state is yet to be loaded, for B = `batch` copies."""
 
 
 @lru_cache
@@ -92,8 +39,6 @@ def load_backend(name: str) -> KernelMaker:
 
 def choose_backend(program: Program) -> tuple[str, str]:
     """The compiled backend if it works here, else numpy, with a warning if it was asked for; and why."""
-    from circuitkit.engine.backends import compiled_backend
-
     problem = compiled_backend.prepare(program)
     if not problem:
         return COMPILED, "backend compiled: C built by the system's compiler"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
 
 from circuitkit.base.errors import CircuitkitError
-from circuitkit.engine.backends.c.build import BuildError, unavailable
-
-if TYPE_CHECKING:
-    from circuitkit.engine.backends import Kernel
-    from circuitkit.engine.program import Program
+from circuitkit.engine.backends.c.build import BuildError, load_program, load_runtime, unavailable
+from circuitkit.engine.backends.c.kernel import CompiledKernel
+from circuitkit.engine.backends.c.source import print_program
+from circuitkit.engine.backends.kernel import Kernel
+from circuitkit.engine.backends.numpy_backend import NumpyKernel
+from circuitkit.engine.program import Program
 
 __all__ = ["make_kernel", "prepare", "unavailable", "warn"]
 _LOG = logging.getLogger("circuitkit")
@@ -18,9 +18,6 @@ _LOG = logging.getLogger("circuitkit")
 
 def make_kernel(program: Program, batch: int) -> Kernel:
     """A kernel for B = `batch` copies of the circuit; numpy's, with a warning, if none can be built."""
-    from circuitkit.engine.backends.c.kernel import CompiledKernel
-    from circuitkit.engine.backends.numpy_backend import NumpyKernel
-
     try:
         return CompiledKernel(program, batch)
     except (CircuitkitError, MemoryError):
@@ -36,9 +33,6 @@ def prepare(program: Program) -> str:
     Returns:
         Why it is not possible; empty if it is.
     """
-    from circuitkit.engine.backends.c.build import load_program, load_runtime
-    from circuitkit.engine.backends.c.source import print_program
-
     try:
         load_runtime()
         load_program(print_program(program, program.members or 1).text)

@@ -11,18 +11,15 @@ import contextvars
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from circuitkit.engine.backends.numpy_dense import DenseKernel, make_dense_kernel
 from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
+from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray, State
-
-if TYPE_CHECKING:
-    from circuitkit.engine.operations import IndexArray
-    from circuitkit.engine.program import Program
 
 
 def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:
@@ -32,7 +29,7 @@ def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:
 
 
 class NumpyKernel:
-    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.Kernel`."""
+    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.kernel.Kernel`."""
 
     def __init__(self, program: Program, batch: int) -> None:
         self.batch = batch

@@ -6,7 +6,7 @@ import contextvars
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from scipy.special import expit
@@ -23,11 +23,9 @@ from circuitkit.engine.backends.dense_plan import (
 )
 from circuitkit.engine.backends.dense_state import Activations, Block
 from circuitkit.engine.backends.numpy_operations import Workspace, bind_operation
+from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray, State
-
-if TYPE_CHECKING:
-    from circuitkit.engine.operations import IndexArray
-    from circuitkit.engine.program import Program
 
 Take = Callable[[FloatArray], object]
 Fail = Callable[[], NoReturn]
@@ -42,7 +40,7 @@ def make_dense_kernel(program: Program, batch: int) -> DenseKernel | None:
 
 
 class DenseKernel:
-    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.Kernel`.
+    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.kernel.Kernel`.
 
     Activations are not kept: they are worked out from x = gain A + constant when somebody asks for them.
     """

@@ -47,6 +47,7 @@ def _where(
 # Each function with the arguments that follow those of the expression.
 _FUNCTIONS: Mapping[str, tuple[Callable[..., Any], tuple[float, ...]]] = {
     "abs": (np.absolute, ()),
+    "atan2": (np.arctan2, ()),
     "clip": (_clip, ()),
     "cos": (np.cos, ()),
     "exp": (np.exp, ()),
@@ -54,6 +55,7 @@ _FUNCTIONS: Mapping[str, tuple[Callable[..., Any], tuple[float, ...]]] = {
     "exprel": (exprel, ()),
     "floor": (np.floor, ()),
     "heaviside": (np.heaviside, (1.0,)),
+    "hypot": (np.hypot, ()),
     "log": (np.log, ()),
     "log1p": (np.log1p, ()),
     "max": (np.maximum, ()),

@@ -120,7 +120,7 @@ def _reached(direct: list[set[int]]) -> list[set[int]]:
 
 def _propagators(jacobians: FloatArray, dt: float) -> FloatArray:
     """Find dt phi1(dt J) for every matrix, shape (m, k, k); equal ones are computed once."""
-    from scipy.linalg import expm
+    from scipy.linalg import expm  # 0.1 s, which only coupled linear equations need
 
     k = jacobians.shape[-1]
     different, place = np.unique(jacobians.reshape(len(jacobians), -1), axis=0, return_inverse=True)

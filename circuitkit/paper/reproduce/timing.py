@@ -15,11 +15,11 @@ from itertools import cycle, islice
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.circuit import load_circuit
-from circuitkit.control import Controller, load_controller
 from circuitkit.biped.control.jerk_mpc import JerkMpc
 from circuitkit.biped.control.wieber_mpc import WieberMpcSpec
-from circuitkit.engine import compile_circuit
+from circuitkit.circuit import load_circuit
+from circuitkit.control import Controller, load_controller
+from circuitkit.engine import Stepper, compile_circuit
 from circuitkit.simulation import Plan
 from circuitkit.simulation.disturbance import Trial
 from circuitkit.simulation.loop import run_loop
@@ -83,7 +83,7 @@ def network_steps(circuit: str, backend: str) -> Callable[[int], object]:
         CircuitkitError: This backend does not work here.
     """
     program = compile_circuit(load_circuit(circuit), backend)
-    stepper = program.stepper(1)
+    stepper = Stepper(program, 1)
     rng = np.random.default_rng(0)
     walk = np.sin(np.linspace(0.0, 40 * math.pi, _ROWS))
     table = {

@@ -16,6 +16,7 @@ import os
 import platform
 import shutil
 import stat
+import subprocess
 import sys
 import sysconfig
 import tempfile
@@ -217,8 +218,6 @@ def _compiled(folder: Path, key: str, source: str, flags: list[str]) -> Path:
 
 def _compile(folder: Path, target: str, flags: list[str]) -> None:
     """Run the compiler; once more without the flag that not all know, if it fails."""
-    import subprocess
-
     reason = ""
     for native in ([_NATIVE], []):
         before = [_compiler() or "cc", *_FLAGS, *native, *_more_flags()]

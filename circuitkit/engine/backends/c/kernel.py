@@ -31,7 +31,7 @@ AnyArray = npt.NDArray[Any]
 
 
 class CompiledKernel:
-    """A program bound to memory of one batch size; see `circuitkit.engine.backends.Kernel`.
+    """A program bound to memory of one batch size; see `circuitkit.engine.backends.kernel.Kernel`.
 
     The table is (n_rows, stride): the batch is filled up to whole vectors with copies of its last member.
     """

@@ -203,12 +203,17 @@ EACH(sin, CK_LIBM(sin))
 EACH(cos, CK_LIBM(cos))
 #undef EACH
 
-CK_INLINE CK(v) CK(pow)(CK(v) x, CK(v) exponent)
-{
-    CK(v) y;
-    LANES AT(y) = CK_LIBM(pow)(AT(x), AT(exponent));
-    return y;
-}
+#define EACH_PAIR(name) \
+    CK_INLINE CK(v) CK(name)(CK(v) a, CK(v) b) \
+    { \
+        CK(v) y; \
+        LANES AT(y) = CK_LIBM(name)(AT(a), AT(b)); \
+        return y; \
+    }
+EACH_PAIR(pow)
+EACH_PAIR(atan2)
+EACH_PAIR(hypot)
+#undef EACH_PAIR
 
 /* Whole powers, by the fewest products. */
 #define POWER(n, y) \

@@ -1,0 +1,334 @@
+"""The plan: what all runs of a scenario share, made once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError
+from circuitkit.base.units import Unit
+from circuitkit.circuit import CircuitGraph, load_circuit
+from circuitkit.control import (
+    CircuitController,
+    Controller,
+    Interface,
+    OpenLoop,
+    load_controller,
+    shipped_controllers,
+)
+from circuitkit.robots import Robot, RobotModel, build_model, load_robot
+from circuitkit.robots.worlds import substeps_of
+from circuitkit.simulation.disturbance import RunSpec, draw_effects
+from circuitkit.simulation.loop import Setup
+from circuitkit.simulation.measures import Formula, Judge, located, parse_measure
+from circuitkit.simulation.reference import Motion, Reference
+from circuitkit.simulation.scenario import Scenario
+
+CIRCUIT, OPEN_LOOP = "circuit", "open_loop"
+BUILT_IN = (OPEN_LOOP, CIRCUIT)
+
+
+@dataclass(frozen=True)
+class Circuits:
+    """The circuit of a run, and what it came from.
+
+    Attributes:
+        used: The circuit that runs; None without one.
+        whole: The same before anything was silenced.
+        own: The circuit that the scenario's file names, if another one is used.
+    """
+
+    used: CircuitGraph | None = None
+    whole: CircuitGraph | None = None
+    own: CircuitGraph | None = None
+
+    @property
+    def candidates(self) -> tuple[CircuitGraph, ...]:
+        """Where measures look for neurons, the first choice first."""
+        return tuple(graph for graph in (self.whole, self.own) if graph is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The part of a plan that does not depend on who controls.
+
+    Attributes:
+        robot: The robot as it is known: what the reference is made for, and a controller may build on.
+        plant: The robot as it is simulated.
+        motion: What the reference wants.
+        step_s: The control step.
+        ticks: T.
+    """
+
+    robot: RobotModel
+    plant: RobotModel
+    motion: Motion
+    step_s: float
+    ticks: int
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What all runs of a scenario share.
+
+    Attributes:
+        scenario: The scenario.
+        reference: Its reference.
+        body: Robot and motion.
+        circuits: Its circuit.
+        backend: What runs the circuit; see `compile_circuit`.
+    """
+
+    scenario: Scenario
+    reference: Reference
+    body: Body
+    circuits: Circuits
+    backend: str = "auto"
+
+    @property
+    def robot(self) -> RobotModel:
+        """The robot as it is known."""
+        return self.body.robot
+
+    @property
+    def ticks(self) -> int:
+        """T."""
+        return self.body.ticks
+
+    @cached_property
+    def interface(self) -> Interface:
+        """What a controller may know beforehand."""
+        body = self.body
+        return Interface(
+            body.robot.channel_units, body.robot.command_units, body.step_s, body.motion.planned,
+            body.motion.knowledge,
+        )  # fmt: skip
+
+    def controller(self, given: Any = None) -> Controller:  # noqa: ANN401 - a name or an object
+        """A controller, bound to the run.
+
+        Args:
+            given: `open_loop`, `circuit`, the name or path of a controller file, an object with `bind`, or a
+                `Controller`; the scenario's own if None.
+
+        Raises:
+            UnknownNameError: There is none of this name.
+            InputError: It does not fit the robot, or its file is wrong.
+            MissingDependencyError: It needs a package that is an extra.
+        """
+        chosen = self.scenario.controller if given is None else given
+        if chosen is None:
+            chosen = CIRCUIT if self.circuits.used is not None else OPEN_LOOP
+        if isinstance(chosen, str | Path):
+            with self.scenario.located("controller"):
+                chosen = self._named(str(chosen))
+        bind = getattr(chosen, "bind", None)
+        with self.scenario.located("connect"):
+            made: Controller = chosen if bind is None else bind(self.interface)
+        return made
+
+    def _named(self, name: str) -> Any:  # noqa: ANN401 - an object with `bind`
+        if name == OPEN_LOOP:
+            return OpenLoop()
+        if name == CIRCUIT:
+            if self.circuits.used is None:
+                message = f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in its file"
+                raise InputError(Problem("", 0, 0, "controller", message))
+            connect = self.scenario.connect.model_dump()
+            return CircuitController(self.circuits.used, connect=connect, backend=self.backend)
+        file = self.scenario.file(name)
+        path = Path(file)
+        bare = not path.suffix and len(path.parts) == 1 and not path.is_file()
+        if bare and file not in shipped_controllers():
+            kind = "controller"
+            raise UnknownNameError(kind, name, (*BUILT_IN, *shipped_controllers()))
+        return load_controller(file)
+
+    @cached_property
+    def judge(self) -> Judge:
+        """The scenario's measures, bound to the robot.
+
+        Raises:
+            InputError: A measure names what is not there, or joins units that do not fit.
+        """
+        with self.scenario.located("measures"):
+            kinds = tuple(kind.bind(self) for kind in self.scenario.measure_kinds)
+        channels = self.body.plant.channels
+        ranges = {name: channel.range for name, channel in channels.items() if channel.range is not None}
+        units = measurable(self.body)
+        bounded = {*ranges, *(name for name in units if any(k.bounds_known(name) for k in kinds))}
+        formulas = {
+            name: _formula(self.scenario, ("measures", name), text, units, bounded)
+            for name, text in self.scenario.formulas.items()
+        }
+        until = self.scenario.until
+        ends = None if until is None else _formula(self.scenario, ("until", ""), until, units, bounded)
+        if ends is not None and not ends.is_condition:
+            message = f"found '{until}'; allowed: a condition, such as height < 0.2 m"
+            raise InputError(self.scenario.problem_in("until", "", message, 0))
+        return Judge(formulas, kinds, ends, ranges)
+
+    def setup(self, controller: Controller, specs: Sequence[RunSpec]) -> Setup:
+        """A run of several robots under one controller.
+
+        Args:
+            controller: Bound to the run; see `controller`.
+            specs: One for each robot.
+
+        Raises:
+            InputError: A disturbance names what is not there.
+        """
+        body = self.body
+        with self.scenario.located("disturbances"):
+            effects = draw_effects(
+                specs, body.robot, self.reference, body.ticks, body.step_s,
+                controller.observations, controller.commands,
+            )  # fmt: skip
+        return Setup(
+            robot=body.plant, motion=body.motion, controller=controller, circuit=self.circuits.used,
+            specs=tuple(specs), effects=effects, judge=self.judge, step_s=body.step_s, ticks=body.ticks,
+        )  # fmt: skip
+
+    def own_spec(self, seed: int | None = None) -> RunSpec:
+        """The run that the scenario's file describes."""
+        return RunSpec(self.scenario.seed if seed is None else seed, self.scenario.befalling)
+
+
+def _formula(
+    scenario: Scenario, place: tuple[str, str], text: str, units: Mapping[str, Unit], bounded: set[str]
+) -> Formula:
+    try:
+        return parse_measure(text, units, bounded)
+    except ExpressionError as error:
+        raise located(error, lambda message, offset: scenario.problem_in(*place, message, offset)) from error
+
+
+def measurable(body: Body) -> dict[str, Unit]:
+    """Everything that measures may name, with its unit."""
+    planned = {name: channel.unit for name, channel in body.motion.planned.items()}
+    return {**planned, **body.plant.command_units, **body.plant.channel_units}
+
+
+def make_plan(
+    scenario: Scenario,
+    circuit: CircuitGraph | str | Path | None = None,
+    settings: Mapping[str, str] | None = None,
+    backend: str = "auto",
+) -> Plan:
+    """Load what a scenario names and plan its motion.
+
+    Args:
+        scenario: The scenario.
+        circuit: A circuit to use instead of the scenario's.
+        settings: Values of the circuit that take the place of its file's; see `load_circuit`.
+        backend: What runs the circuit; see `compile_circuit`.
+
+    Raises:
+        InputError: A file is wrong or missing.
+    """
+    reference = scenario.made_reference()
+    circuits = load_circuits(scenario, circuit, settings)
+    return Plan(scenario, reference, make_body(scenario, reference, circuits.used), circuits, backend)
+
+
+def load_circuits(
+    scenario: Scenario,
+    circuit: CircuitGraph | str | Path | None = None,
+    settings: Mapping[str, str] | None = None,
+) -> Circuits:
+    """The circuit of a scenario, or another one in its place.
+
+    Raises:
+        InputError: A file is wrong or missing, or what is silenced is not there.
+    """
+    from circuitkit.circuit.silencing import silence  # most scenarios silence nothing
+
+    chosen = scenario.circuit if circuit is None else circuit
+    if chosen is None:
+        return Circuits()
+    with scenario.located("circuit"):
+        whole = _graph(scenario, chosen, settings, here=circuit is None)
+        other = circuit is not None and scenario.circuit is not None
+        own = _graph(scenario, scenario.circuit, None, here=True) if other else None
+    with scenario.located("silenced"):
+        return Circuits(silence(whole, scenario.silenced) if scenario.silenced else whole, whole, own)
+
+
+def _graph(
+    scenario: Scenario, given: CircuitGraph | str | Path, settings: Mapping[str, str] | None, *, here: bool
+) -> CircuitGraph:
+    if isinstance(given, CircuitGraph):
+        return given
+    return load_circuit(scenario.file(str(given)) if here else given, settings)
+
+
+def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> Body:
+    """Build the robot of a scenario and plan its motion; depends on robot, servos, duration and changed bodies.
+
+    Raises:
+        InputError: A file is wrong or missing.
+        SimulationError: The robot cannot do what the reference wants.
+    """
+    robot_file = robot_of(scenario)
+    with scenario.located("robot"):
+        robot = build_model(robot_file)
+    step_s = _control_step(scenario, reference, circuit)
+    ticks = round(scenario.duration / step_s)
+    with scenario.located("duration"):
+        if ticks == 0:
+            message = f"found {scenario.duration:g} s; allowed: a control step of {step_s:g} s, or more"
+            raise InputError(Problem("", 0, 0, "duration", message))
+    with scenario.located("control_step"):
+        substeps_of(robot, step_s)
+    with scenario.located("reference"):
+        motion = reference.motion(robot, ticks, step_s)
+    return Body(robot, _plant(scenario, robot_file, robot, motion), motion, step_s, ticks)
+
+
+def robot_of(scenario: Scenario) -> Robot:
+    """The robot file of a scenario, with the servos that it asks for.
+
+    Raises:
+        InputError: It is wrong or missing.
+    """
+    with scenario.located("robot"):
+        given = scenario.robot
+        found = given if isinstance(given, Robot) else load_robot(scenario.file(str(given)))
+    with scenario.located("servo_profile"):
+        return found.with_servos(scenario.servo_profile)
+
+
+def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -> RobotModel:
+    """The robot as it is simulated: with changed bodies, and the sensors that measures ask for themselves."""
+    changes = [(k, each) for k, each in enumerate(scenario.befalling) if each.changes_model]
+    units = measurable(Body(robot, robot, motion, 1.0, 1))
+    calls = {}
+    for key, name, text in [("until", "", scenario.until or ""), *(("measures", *m) for m in scenario.formulas.items())]:
+        if text:
+            every = set(robot.channels) | set(units)
+            formula = _formula(scenario, (key, name), text, units, every)
+            calls |= {str(call): call for call in formula.references}
+    if not changes and not calls:
+        return robot
+    try:
+        made = build_model(file, (), tuple(calls.values()))
+    except ExpressionError as error:
+        raise InputError(scenario.problem_in("measures", "", str(error), 0)) from error
+    for k, each in changes:
+        with scenario.located(f"disturbances[{k}].{each.kind}"):
+            each.change(made)
+    return made
+
+
+def _control_step(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> float:
+    if scenario.control_step is not None:
+        return scenario.control_step
+    if reference.step_s is not None:
+        return reference.step_s
+    if circuit is not None:
+        return circuit.step_s
+    message = "missing key 'control_step'; required where neither a reference nor a circuit has one"
+    raise InputError(scenario.problem_in("control_step", "", message, 0))
