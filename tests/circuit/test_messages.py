@@ -192,7 +192,7 @@ ERRORS = [
     ("edge: 80 mm", "edge: 80 mmm", "edge: 80 ¦mmm",
      f"parameters.edge: unknown unit 'mmm'; allowed: {UNITS}; did you mean 'mm'?"),
     ("shift: edge", "shift: edge - w", "shift: ¦edge - w",
-     "neurons.q.shift: found 'edge - w', which joins length and angle; allowed: sums of the same dimension"),
+     "neurons.q.shift: found 'edge - w', which joins length and angle; allowed: the same on all sides"),
     # values
     ("control_step: 10 ms", "control_step: 0 ms", "control_step: ¦0 ms",
      "control_step: found 0 ms; allowed: more than 0 s"),

@@ -51,7 +51,7 @@ def test_steps_longer_than_the_period_miss_all_deadlines(program, monkeypatch):
             pass
         return fast(inputs)
 
-    monkeypatch.setattr(type(program), "stepper", lambda _self, _batch: slow)
+    monkeypatch.setattr("circuitkit.engine.realtime.Stepper", lambda _program, _batch: slow)
     slow.step = step
     report = realtime(program, rate_hz=1000.0, seconds=0.02)
     assert report.missed == report.ticks == 20

@@ -7,8 +7,9 @@ plain numbers. A number is dimensionless, except that 0 fits any dimension.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
+from types import MappingProxyType
 from typing import NamedTuple
 
 from circuitkit.base.errors import ExpressionError
@@ -22,8 +23,9 @@ from circuitkit.circuit.expressions.expression import (
     Number,
     Unary,
 )
-from circuitkit.circuit.expressions.symbolic import constant, simplify
+from circuitkit.circuit.expressions.symbolic import constant, simplify, substitute
 
+_WHOLE = 1e-9  # off which an exponent may be, by rounding
 _NAMED = tuple((symbol, parse_unit(symbol).dimension) for symbol in ("V", "A", "S", "F", "ohm", "N"))
 
 
@@ -40,15 +42,14 @@ class OpenDimension(NamedTuple):
         words = (own + power * added for own, added in zip(mine, theirs, strict=True))
         return OpenDimension(self.fixed.times(other.fixed, power), *words)
 
-    def root(self, degree: int) -> OpenDimension | None:
-        """The dimension whose `degree`-th power this is; None if there is none of whole exponents."""
-        exponents = (*self.fixed, *self[1:])
-        if any(exponent % degree for exponent in exponents):
+    def raised(self, power: float) -> OpenDimension | None:
+        """The dimension of a power; None if that has exponents which are not whole."""
+        exponents = [exponent * power for exponent in (*self.fixed, *self[1:])]
+        whole = [round(exponent) for exponent in exponents]
+        if any(abs(exponent - near) > _WHOLE for exponent, near in zip(exponents, whole, strict=True)):
             return None
-        return OpenDimension(
-            Dimension(*(exponent // degree for exponent in self.fixed)),
-            *(each // degree for each in self[1:]),
-        )
+        *fixed, activation, source = whole
+        return OpenDimension(Dimension(*fixed), activation, source)
 
     def __str__(self) -> str:
         if self == NO_DIMENSION:
@@ -62,6 +63,43 @@ class OpenDimension(NamedTuple):
         symbol = _symbol(self.fixed)
         first = "*".join([*above, *([] if symbol.startswith("/") or symbol == "1" else [symbol])])
         return "/".join([first or "1", *below]) + (symbol if symbol.startswith("/") else "")
+
+
+class DimensionError(ExpressionError):
+    """A part of an expression whose dimensions do not fit together; its `offset` says where it begins.
+
+    Attributes:
+        found: The dimensions that were found.
+    """
+
+    def __init__(
+        self,
+        part: Expression,
+        what: str,
+        found: Sequence[OpenDimension],
+        allowed: str,
+        offset: int | None = None,
+    ) -> None:
+        """Name the part, what it does, and what is allowed instead.
+
+        Args:
+            part: The part.
+            what: What it does, with `{}` for every dimension of `found`.
+            found: The dimensions that were found.
+            allowed: What is allowed.
+            offset: Where it begins, if not at the part.
+        """
+        super().__init__(
+            f"found '{part}'{what.format(*found)}; allowed: {allowed}",
+            part.offset if offset is None else offset,
+        )
+        self.found = tuple(found)
+        self._parts = (what, allowed)
+
+    def of(self, text: str) -> str:
+        """The message about a whole expression as it was written, with dimensions by their names."""
+        what, allowed = self._parts
+        return f"found '{text}'{what.format(*(each.fixed for each in self.found))}; allowed: {allowed}"
 
 
 NO_DIMENSION = OpenDimension()
@@ -84,15 +122,20 @@ def _symbol(dimension: Dimension) -> str:
     return dimension.si_symbol
 
 
-def dimension_of(expression: Expression, names: Mapping[str, OpenDimension]) -> OpenDimension | None:
+def dimension_of(
+    expression: Expression,
+    names: Mapping[str, OpenDimension],
+    known: Mapping[str, float] = MappingProxyType({}),
+) -> OpenDimension | None:
     """The dimension of an expression; None if it is zero, which has any.
 
     Args:
         expression: The expression.
         names: The dimension of every name.
+        known: Values of names, which then may be exponents of what has a dimension.
 
     Raises:
-        ExpressionError: It joins what does not fit together; its `offset` says where.
+        DimensionError: It joins what does not fit together.
     """
     match expression:
         case Number(value=value, unit=unit):
@@ -100,11 +143,11 @@ def dimension_of(expression: Expression, names: Mapping[str, OpenDimension]) -> 
         case Name(name=name):
             return names[name]
         case Unary(operand=operand):
-            return dimension_of(operand, names)
+            return dimension_of(operand, names, known)
         case Binary():
-            return _of_binary(expression, names)
+            return _of_binary(expression, names, known)
         case Call(function=function, arguments=arguments):
-            found = [dimension_of(argument, names) for argument in arguments]
+            found = [dimension_of(argument, names, known) for argument in arguments]
             return _RULES.get(function, _of_plain)(expression, found)
     return None
 
@@ -123,34 +166,36 @@ def check_dimension(
         raise ExpressionError(message, expression.offset)
 
 
-def _of_binary(expression: Binary, names: Mapping[str, OpenDimension]) -> OpenDimension | None:
-    left, right = dimension_of(expression.left, names), dimension_of(expression.right, names)
+def _of_binary(
+    expression: Binary, names: Mapping[str, OpenDimension], known: Mapping[str, float]
+) -> OpenDimension | None:
+    left, right = (dimension_of(each, names, known) for each in expression.operands())
     match expression.operator:
         case "*" | "/" as joint:
             if left is None or (right is None and joint == "*"):
                 return None
             return left.times(right or NO_DIMENSION, 1 if joint == "*" else -1)
         case "**":
-            return _of_power(expression, left, right)
+            return _of_power(expression, left, right, known)
     same = _alike(expression, [left, right])
     return NO_DIMENSION if expression.operator in COMPARISONS else same
 
 
 def _of_power(
-    expression: Binary, base: OpenDimension | None, exponent: OpenDimension | None
+    expression: Binary,
+    base: OpenDimension | None,
+    exponent: OpenDimension | None,
+    known: Mapping[str, float],
 ) -> OpenDimension | None:
     _of_plain(expression, [exponent])
     if base is None or base == NO_DIMENSION:
         return NO_DIMENSION
-    value = constant(simplify(expression.right))
-    raised = None
-    if value is not None:
-        above, below = value.as_integer_ratio()
-        raised = NO_DIMENSION.times(base, above).root(below)
+    numbers = {name: Number(known[name]) for name in expression.right.names() if name in known}
+    value = constant(simplify(substitute(expression.right, numbers)))
+    raised = None if value is None else base.raised(value)
     if raised is None:
         allowed = "a number as exponent that gives whole powers of the unit"
-        message = f"found '{expression}', a power of {base}; allowed: {allowed}"
-        raise ExpressionError(message, expression.right.offset)
+        raise DimensionError(expression, ", a power of {}", [base], allowed, expression.right.offset)
     return raised
 
 
@@ -158,18 +203,15 @@ def _alike(expression: Expression, found: list[OpenDimension | None]) -> OpenDim
     known = [dimension for dimension in found if dimension is not None]
     for other in known[1:]:
         if other != known[0]:
-            message = (
-                f"found '{expression}', which joins {known[0]} and {other}; allowed: the same on all sides"
-            )
-            raise ExpressionError(message, expression.offset)
+            pair = (known[0], other)
+            raise DimensionError(expression, ", which joins {} and {}", pair, "the same on all sides")
     return known[0] if known else None
 
 
 def _of_plain(expression: Expression, found: list[OpenDimension | None]) -> OpenDimension:
     for dimension in found:
-        if dimension not in {None, NO_DIMENSION}:
-            message = f"found '{expression}' with {dimension}; allowed: a plain number there"
-            raise ExpressionError(message, expression.offset)
+        if dimension is not None and dimension != NO_DIMENSION:
+            raise DimensionError(expression, " with {}", [dimension], "a plain number there")
     return NO_DIMENSION
 
 
@@ -190,9 +232,8 @@ def _root(expression: Expression, found: list[OpenDimension | None]) -> OpenDime
     (square,) = found
     if square is None:
         return None
-    if (root := square.root(2)) is None:
-        message = f"found '{expression}', the root of {square}; allowed: even powers of a unit there"
-        raise ExpressionError(message, expression.offset)
+    if (root := square.raised(0.5)) is None:
+        raise DimensionError(expression, ", the root of {}", [square], "even powers of a unit there")
     return root
 
 

@@ -6,7 +6,7 @@ A number directly followed by a unit is a quantity; a unit that stands alone in 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,18 +16,14 @@ from circuitkit.base.units import (
     DIMENSIONLESS,
     UNIT_SYMBOLS,
     Quantity,
+    Unit,
     parse_quantity,
     parse_unit,
     plain_signs,
 )
+from circuitkit.circuit.expressions.amounts import AMOUNT_FUNCTIONS, Amount, is_finite
+from circuitkit.circuit.expressions.dimensions import DimensionError, OpenDimension, dimension_of
 from circuitkit.circuit.expressions.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name
-from circuitkit.circuit.expressions.measures import (
-    MEASURE_FUNCTIONS,
-    Measure,
-    MisfitError,
-    is_finite,
-    measure,
-)
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.expressions.quantities import with_stand_ins
 
@@ -69,7 +65,7 @@ class _Formula:
 
     text: str
     tree: Expression
-    quantities: Mapping[str, Measure]
+    quantities: Mapping[str, Amount]
     names: Mapping[str, tuple[str, int]]
 
 
@@ -90,7 +86,7 @@ def evaluate(value: object, look_up: LookUp) -> Quantity:
     return Quantity(float(found.value), found.unit)
 
 
-def compute(value: object, look_up: LookUp, variables: Mapping[str, Measure] | None = None) -> Measure:
+def compute(value: object, look_up: LookUp, variables: Mapping[str, Amount] | None = None) -> Amount:
     """As `evaluate`, but with variables that may be arrays, such as `i`; the result may then be one.
 
     Raises:
@@ -100,17 +96,18 @@ def compute(value: object, look_up: LookUp, variables: Mapping[str, Measure] | N
     if (complaint := not_a_value(value)) is not None:
         raise ValueProblemError(complaint)
     if not isinstance(value, str):
-        return Measure(_finite(value), DIMENSIONLESS)  # type: ignore[arg-type]  # a number
+        return Amount(_finite(value), DIMENSIONLESS)  # type: ignore[arg-type]  # a number
     read = _read(value)
     if isinstance(read, Quantity):
-        return Measure(read.value_si, read.unit)
+        return Amount(read.value_si, read.unit)
     names = {key: _named(read, key, look_up, variables or {}) for key in read.names}
+    amounts = {**read.quantities, **names}
     if not variables:
-        return _computed(read, {**read.quantities, **names})
+        return _computed(read, amounts)
     import numpy as np  # 0.1 s, which most files are checked without
 
     with np.errstate(all="ignore"):  # what is not finite is complained about with its place
-        return _computed(read, {**read.quantities, **names})
+        return _computed(read, amounts)
 
 
 def names_in(value: object) -> frozenset[str]:
@@ -120,22 +117,43 @@ def names_in(value: object) -> frozenset[str]:
     return frozenset(match["name"] for match in _NAME.finditer(value))
 
 
-def _computed(formula: _Formula, values: Mapping[str, Measure]) -> Measure:
+def _computed(formula: _Formula, amounts: Mapping[str, Amount]) -> Amount:
+    unit = _unit(formula, amounts)
     try:
-        found = measure(formula.tree.evaluate(values, MEASURE_FUNCTIONS))
-    except MisfitError as error:
-        message = f"found '{formula.text}', which {error.deed}; allowed: {error.allowed}"
-        raise ValueProblemError(message) from error
+        value = formula.tree.evaluate({name: each.value for name, each in amounts.items()}, AMOUNT_FUNCTIONS)
     except (ArithmeticError, ValueError) as error:
         message = f"found '{formula.text}', which has no value ({error}); allowed: a finite number"
         raise ValueProblemError(message) from error
-    if isinstance(found.value, complex) or not is_finite(found.value):
+    if not is_finite(value):
         message = f"found '{formula.text}', which is too large or no number; allowed: a finite number"
         raise ValueProblemError(message)
-    return found
+    return Amount(value, unit)
 
 
-def _named(formula: _Formula, key: str, look_up: LookUp, variables: Mapping[str, Measure]) -> Measure:
+def _unit(formula: _Formula, amounts: Mapping[str, Amount]) -> Unit:
+    """Find the unit to show a value in: the first one in the text that is of its dimension, or that of SI."""
+    dimensions = {name: OpenDimension(each.dimension) for name, each in amounts.items()}
+    known = {name: each.value for name, each in amounts.items() if isinstance(each.value, int | float)}
+    try:
+        found = dimension_of(formula.tree, dimensions, known)
+    except DimensionError as error:
+        raise ValueProblemError(error.of(formula.text)) from error
+    units = [amounts[name].unit for name in _in_order(formula.tree)]
+    if found is None:  # 0, which is of any dimension
+        return next((unit for unit in units if unit != DIMENSIONLESS), DIMENSIONLESS)
+    same = (unit for unit in units if unit.dimension == found.fixed)
+    return next(same, found.fixed.si_unit if any(found.fixed) else DIMENSIONLESS)
+
+
+def _in_order(expression: Expression) -> Iterator[str]:
+    """The names in an expression, from left to right."""
+    if isinstance(expression, Name):
+        yield expression.name
+    for operand in expression.operands():
+        yield from _in_order(operand)
+
+
+def _named(formula: _Formula, key: str, look_up: LookUp, variables: Mapping[str, Amount]) -> Amount:
     """What a name in an expression stands for: a variable, a parameter, a constant, or a unit."""
     name, offset = formula.names[key]
     if name in variables:
@@ -147,13 +165,13 @@ def _named(formula: _Formula, key: str, look_up: LookUp, variables: Mapping[str,
         quantity = look_up(name)
     except ValueProblemError as error:
         if name in CONSTANTS:
-            return Measure(CONSTANTS[name], DIMENSIONLESS)
+            return Amount(CONSTANTS[name], DIMENSIONLESS)
         is_alone = isinstance(formula.tree, Name)
         if name in _UNITS and not is_alone:
-            return Measure(parse_unit(name).scale, parse_unit(name))
+            return Amount(parse_unit(name).scale, parse_unit(name))
         hint = f"did you mean '1 {name}'?" if name in _UNITS else error.hint
         raise ValueProblemError(error.message, hint, offset) from error
-    return Measure(quantity.value_si, quantity.unit)
+    return Amount(quantity.value_si, quantity.unit)
 
 
 @lru_cache(maxsize=8192)
@@ -202,7 +220,7 @@ def _formula(text: str) -> _Formula:
     except ExpressionError as error:
         message = stand_ins.as_written(str(error).replace(formula, text))
         raise ExpressionError(message, error.offset) from error
-    quantities = {key: Measure(each.value_si, each.unit) for key, each in stand_ins.quantities.items()}
+    quantities = {key: Amount(each.value_si, each.unit) for key, each in stand_ins.quantities.items()}
     return _Formula(text, tree, quantities, names)
 
 

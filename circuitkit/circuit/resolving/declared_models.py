@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from circuitkit.base.errors import InputError, listing, suggest
 from circuitkit.base.source import STRAY_TEXT, Document, Place
 from circuitkit.base.units import DIMENSIONLESS
-from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
     SYNAPSE_MODEL_NAMES,
@@ -27,7 +27,7 @@ from circuitkit.circuit.spec import WithModelParameters
 
 ModelT = TypeVar("ModelT", NeuronModel, SynapseModel)
 # How the values of an entry are read: a neuron's as one number each, a population's perhaps as arrays.
-Reader = Callable[[Place, object], Measure | None]
+Reader = Callable[[Place, object], Amount | None]
 
 
 class DeclaredModels:
@@ -103,7 +103,7 @@ def _own(
 
 def written_parameters(
     scope: Scope, item: Item[Any], model: NeuronModel | SynapseModel, read: Reader
-) -> dict[str, Measure]:
+) -> dict[str, Amount]:
     """The parameters of a model that an entry gives; complains about missing and unknown ones.
 
     Args:
@@ -123,7 +123,7 @@ def written_parameters(
             message = f"unknown key '{key}' for the model {model.name}; allowed: {listing(allowed)}"
             hint = STRAY_TEXT if spec.values[key] is None else suggest(key, allowed)
             scope.errors.append(item.problem((key,), message, hint, at_key=True))
-    found: dict[str, Measure] = {}
+    found: dict[str, Amount] = {}
     for parameter in model.parameters:
         name = parameter.name
         if name in spec.values or scope.is_given(item, (name,)):
@@ -146,7 +146,7 @@ def _keys(spec: type[WithModelParameters]) -> Mapping[str, bool]:
 
 
 def check_order(
-    scope: Scope, item: Item[Any], model: NeuronModel | SynapseModel, written: Mapping[str, Measure]
+    scope: Scope, item: Item[Any], model: NeuronModel | SynapseModel, written: Mapping[str, Amount]
 ) -> None:
     """Complain about parameters that must increase and do not."""
     if not model.increasing:
@@ -169,8 +169,8 @@ def check_order(
 
 
 def _ordered(
-    model: NeuronModel | SynapseModel, written: Mapping[str, Measure]
-) -> Iterator[tuple[str, Measure]]:
+    model: NeuronModel | SynapseModel, written: Mapping[str, Amount]
+) -> Iterator[tuple[str, Amount]]:
     """The parameters of a model that must increase, as written or by default."""
     parameters = {parameter.name: parameter for parameter in model.parameters}
     for name in model.increasing:
@@ -179,4 +179,4 @@ def _ordered(
             yield name, written[name]
         elif parameter.default is not None:
             others = (written[other].unit for other in model.increasing if other in written)
-            yield name, Measure(parameter.default, parameter.unit or next(others, DIMENSIONLESS))
+            yield name, Amount(parameter.default, parameter.unit or next(others, DIMENSIONLESS))

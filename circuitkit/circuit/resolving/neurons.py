@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit
-from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
-from circuitkit.circuit.expressions.measures import Measure, array_functions
+from circuitkit.circuit.expressions.amounts import AMOUNT_FUNCTIONS, Amount
 from circuitkit.circuit.graph import Neuron
 from circuitkit.circuit.models import ModelParameter, ModelState, NeuronModel, SynapseModel
 from circuitkit.circuit.resolving.declared_models import (
@@ -52,9 +51,9 @@ def neuron_values(scope: Scope, item: Item[Any], model: NeuronModel, read: Reade
 
 
 def _reader(scope: Scope, item: Item[Any]) -> Reader:
-    def read(place: Place, value: object) -> Measure | None:
+    def read(place: Place, value: object) -> Amount | None:
         quantity = scope.value(item, place, value)
-        return None if quantity is None else Measure(quantity.value_si, quantity.unit)
+        return None if quantity is None else Amount(quantity.value_si, quantity.unit)
 
     return read
 
@@ -83,7 +82,7 @@ def neuron_parameters(
     return unit, {**model.defaults, **{name: measure.value for name, measure in written.items()}}
 
 
-def _activation_unit(model: NeuronModel, written: Mapping[str, Measure]) -> Unit:
+def _activation_unit(model: NeuronModel, written: Mapping[str, Amount]) -> Unit:
     """The unit of the activation: the model's, a parameter's, or one that a parameter implies."""
     if model.activation is not None:
         return model.activation
@@ -129,9 +128,7 @@ def start(model: NeuronModel | SynapseModel, values: Mapping[str, Any]) -> dict[
     """
     if not model.states:
         return {}
-    is_scalar = all(isinstance(value, int | float) for value in values.values())
-    functions: Mapping[str, Callable[..., Any]] = SCALAR_FUNCTIONS if is_scalar else array_functions()
-    return {state.name: state.initial.evaluate(values, functions) for state in model.states}
+    return {state.name: state.initial.evaluate(values, AMOUNT_FUNCTIONS) for state in model.states}
 
 
 def neuron_start(

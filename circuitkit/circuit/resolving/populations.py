@@ -7,7 +7,7 @@ from typing import Any
 
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS
-from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.graph import Population
 from circuitkit.circuit.models import NeuronModel
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader
@@ -56,7 +56,7 @@ def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, b
 def _reader(scope: Scope, item: Item[Any], size: int) -> Reader:
     from circuitkit.circuit.resolving.spread import spread  # brings numpy: 0.1 s
 
-    def read(place: Place, value: object) -> Measure | None:
+    def read(place: Place, value: object) -> Amount | None:
         return spread(scope, item, place, value, size)
 
     return read

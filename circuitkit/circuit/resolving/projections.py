@@ -12,7 +12,7 @@ import numpy.typing as npt
 from circuitkit.base.errors import suggest
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, format_quantity
-from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.expressions.values import names_in
 from circuitkit.circuit.graph import PerMember, Projection, SynapseKind
 from circuitkit.circuit.models import SynapseModel
@@ -281,7 +281,7 @@ class _Making:
     def _complain(self, inner: Place, message: str) -> None:
         self.scope.errors.append(self.item.problem(("connect", *inner), message))
 
-    def _weight(self, connections: Connections, entries: npt.NDArray[np.float64] | None) -> Measure | None:
+    def _weight(self, connections: Connections, entries: npt.NDArray[np.float64] | None) -> Amount | None:
         """The weights, [SI]: as written, times what a matrix file has; None after complaining."""
         written = self.item.spec.weight
         if written is None:
@@ -289,42 +289,42 @@ class _Making:
                 message = "missing key 'weight'; required: from, to, connect, weight"
                 self.scope.errors.append(self.item.problem((), message, at_key=True))
                 return None
-            return Measure(entries, DIMENSIONLESS)
+            return Amount(entries, DIMENSIONLESS)
         weight = self._reader(connections, per_target=False)(("weight",), written)
         if weight is None or entries is None:
             return weight
         entries *= weight.value  # in place, for there may be many
-        return Measure(entries, weight.unit)
+        return Amount(entries, weight.unit)
 
     def _reader(self, connections: Connections, *, per_target: bool | None = None) -> Reader:
         """Reads values for every synapse, or for every target where the model has them so."""
         if per_target is None:
             per_target = self.model.per == "target"
 
-        def read(place: Place, value: object) -> Measure | None:
+        def read(place: Place, value: object) -> Amount | None:
             count = self.target.size if per_target else len(connections[1])
             if isinstance(value, list | tuple | dict):
                 stream = f"{self.stream}.{place[0]}"
                 return listed(self.scope, self.item, place, value, count, stream)
             variables = {
-                "n_source": Measure(float(self.source.size), DIMENSIONLESS),
-                "n_target": Measure(float(self.target.size), DIMENSIONLESS),
+                "n_source": Amount(float(self.source.size), DIMENSIONLESS),
+                "n_target": Amount(float(self.target.size), DIMENSIONLESS),
             }
             names = names_in(value)
             if per_target:
                 targets = np.arange(self.target.size, dtype=np.float64)
-                return self.scope.measure(
-                    self.item, place, value, {**variables, "j": Measure(targets, DIMENSIONLESS)}
+                return self.scope.amounts(
+                    self.item, place, value, {**variables, "j": Amount(targets, DIMENSIONLESS)}
                 )
             if not names & {"i", "j"}:
-                return self.scope.measure(self.item, place, value, variables)
+                return self.scope.amounts(self.item, place, value, variables)
             return self._by_synapse(place, value, variables, connections)
 
         return read
 
     def _by_synapse(
-        self, place: Place, value: object, variables: Mapping[str, Measure], connections: Connections
-    ) -> Measure | None:
+        self, place: Place, value: object, variables: Mapping[str, Amount], connections: Connections
+    ) -> Amount | None:
         """An expression for every synapse, worked out for some rows at a time."""
         indptr, sources = connections
         numbers = np.empty(len(sources))
@@ -337,17 +337,17 @@ class _Making:
             targets = np.repeat(np.arange(begin, end, dtype=np.float64), np.diff(indptr[begin : end + 1]))
             some = {
                 **variables,
-                "i": Measure(sources[first:last].astype(np.float64), DIMENSIONLESS),
-                "j": Measure(targets, DIMENSIONLESS),
+                "i": Amount(sources[first:last].astype(np.float64), DIMENSIONLESS),
+                "j": Amount(targets, DIMENSIONLESS),
             }
-            found = self.scope.measure(self.item, place, value, some)
+            found = self.scope.amounts(self.item, place, value, some)
             if found is None:
                 return None
             numbers[first:last] = found.value
             unit, begin = found.unit, end
-        return None if unit is None else Measure(numbers, unit)
+        return None if unit is None else Amount(numbers, unit)
 
-    def _check_sign(self, weight: Measure, kind: SynapseKind) -> None:
+    def _check_sign(self, weight: Amount, kind: SynapseKind) -> None:
         """Complain about weights of a sign that the model or the role of the source forbids."""
         values = weight.value
         if isinstance(values, int | float):

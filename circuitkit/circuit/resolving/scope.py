@@ -11,7 +11,7 @@ from typing import Any
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit
-from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.expressions.values import (
     LostNameError,
     ValueProblemError,
@@ -265,9 +265,9 @@ class Scope:
             return quantity if unit is None or self.fits(item, inner, quantity, unit, reason) else None
         return None
 
-    def measure(
-        self, item: Item[SpecT], inner: Place, value: object, variables: Mapping[str, Measure]
-    ) -> Measure | None:
+    def amounts(
+        self, item: Item[SpecT], inner: Place, value: object, variables: Mapping[str, Amount]
+    ) -> Amount | None:
         """As `value`, of an expression with variables that may be arrays."""
         scope = self
         if self.is_given(item, inner):
@@ -281,7 +281,7 @@ class Scope:
         return None
 
     def fits(
-        self, item: Item[SpecT], inner: Place, quantity: Quantity | Measure, unit: Unit, reason: str = ""
+        self, item: Item[SpecT], inner: Place, quantity: Quantity | Amount, unit: Unit, reason: str = ""
     ) -> bool:
         """Whether a quantity has the dimension of a unit; complains if not."""
         if quantity.unit.dimension == unit.dimension:

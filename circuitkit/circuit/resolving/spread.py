@@ -12,7 +12,7 @@ import numpy.typing as npt
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place, describe
 from circuitkit.base.units import DIMENSIONLESS, Quantity
-from circuitkit.circuit.expressions.measures import Measure
+from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import DISTRIBUTIONS
@@ -31,7 +31,7 @@ def generator(seed: int, name: str) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest[:16], "little")))
 
 
-def spread(scope: Scope, item: Item[Any], place: Place, value: object, size: int) -> Measure | None:
+def spread(scope: Scope, item: Item[Any], place: Place, value: object, size: int) -> Amount | None:
     """Values for the members of a population; expressions may use `i` (from 0) and `n`.
 
     Args:
@@ -49,8 +49,8 @@ def spread(scope: Scope, item: Item[Any], place: Place, value: object, size: int
         scope, value = scope.root, scope.findings.overrides[address]
     if isinstance(value, list | tuple | dict):
         return listed(scope, item, place, value, size, address)
-    members = Measure(np.arange(size, dtype=np.float64), DIMENSIONLESS)
-    return scope.measure(item, place, value, {"i": members, "n": Measure(float(size), DIMENSIONLESS)})
+    members = Amount(np.arange(size, dtype=np.float64), DIMENSIONLESS)
+    return scope.amounts(item, place, value, {"i": members, "n": Amount(float(size), DIMENSIONLESS)})
 
 
 def listed(
@@ -60,7 +60,7 @@ def listed(
     value: Sequence[object] | dict[str, object],
     size: int,
     stream: str,
-) -> Measure | None:
+) -> Amount | None:
     """Values from a list, a range or a distribution.
 
     Args:
@@ -83,10 +83,10 @@ def listed(
     return _array(scope, item, place, value)
 
 
-def _array(scope: Scope, item: Item[Any], place: Place, values: Sequence[object]) -> Measure | None:
+def _array(scope: Scope, item: Item[Any], place: Place, values: Sequence[object]) -> Amount | None:
     """Values one by one, all of the same dimension."""
     if all(type(value) in {int, float} for value in values):
-        return Measure(np.array(values, dtype=np.float64), DIMENSIONLESS)
+        return Amount(np.array(values, dtype=np.float64), DIMENSIONLESS)
     found = [scope.value(item, (*place, number), value) for number, value in enumerate(values)]
     quantities = [quantity for quantity in found if quantity is not None]
     if len(quantities) != len(found):
@@ -96,12 +96,12 @@ def _array(scope: Scope, item: Item[Any], place: Place, values: Sequence[object]
         reason = f"the first one is {quantities[0]}"
         if not scope.fits(item, (*place, number), quantity, unit, reason):
             return None
-    return Measure(np.array([quantity.value_si for quantity in quantities]), unit)
+    return Amount(np.array([quantity.value_si for quantity in quantities]), unit)
 
 
 def _drawn(
     scope: Scope, item: Item[Any], place: Place, value: dict[str, object], size: int, stream: str
-) -> Measure | None:
+) -> Amount | None:
     """A range or a distribution."""
     kinds = [*value]
     if len(kinds) != 1 or kinds[0] not in DISTRIBUTIONS:
@@ -130,7 +130,7 @@ def _drawn(
         )
         scope.errors.append(item.problem((*place, kind), f"found {first} and {second}; allowed: {allowed}"))
         return None
-    return Measure(_numbers(kind, first, second, size, generator(scope.findings.seed, stream)), first.unit)
+    return Amount(_numbers(kind, first, second, size, generator(scope.findings.seed, stream)), first.unit)
 
 
 def _numbers(

@@ -8,8 +8,8 @@ from typing import Any
 
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
+from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.expressions.expression import Number
-from circuitkit.circuit.expressions.measures import Measure
 from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
 from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
@@ -177,7 +177,7 @@ class _Wiring:
         for target in targets:
             if not check_reads(scope, item, model, end, target):
                 return
-            if not weight_fits(scope, item, model, Measure(weight.value_si, weight.unit), end, target):
+            if not weight_fits(scope, item, model, Amount(weight.value_si, weight.unit), end, target):
                 return
             check_parameters(scope, item, model, parameters, weight.unit, end, target)
         doubt_delay(scope, item, delay, end, targets, self.header)
@@ -204,9 +204,9 @@ class _Wiring:
                     origin=origin,
                 )
 
-    def _read(self, place: Place, value: object) -> Measure | None:
+    def _read(self, place: Place, value: object) -> Amount | None:
         quantity = self.scope.value(self.item, place, value)
-        return None if quantity is None else Measure(quantity.value_si, quantity.unit)
+        return None if quantity is None else Amount(quantity.value_si, quantity.unit)
 
 
 def delay_s(scope: Scope, item: Item[Any]) -> float:
@@ -236,7 +236,7 @@ def doubt_delay(
 
 
 def weight_fits(
-    scope: Scope, item: Item[Any], model: SynapseModel, weight: Measure, source: End, target: End
+    scope: Scope, item: Item[Any], model: SynapseModel, weight: Amount, source: End, target: End
 ) -> bool:
     """Whether a weight has the dimension that its model gives it between two nodes; complains if not."""
     if model.plain_source and any(source.unit.dimension):
@@ -263,7 +263,7 @@ def check_parameters(
     scope: Scope,
     item: Item[Any],
     model: SynapseModel,
-    parameters: Mapping[str, Measure],
+    parameters: Mapping[str, Amount],
     weight: Unit,
     source: End,
     target: End,
