@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import get_args
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine.backends import AUTO, COMPILED, choose_backend, load_backend
+from circuitkit.engine.backends import AUTO, COMPILED, load_backend
+from circuitkit.engine.kernels import with_chosen_backend
 from circuitkit.engine.lowering import lower, side_by_side
 from circuitkit.engine.program import Precision, Program
 
@@ -57,10 +58,7 @@ def compile_circuit(
         precision=precision,
         reproducible=reproducible,
     )
-    if backend in {AUTO, COMPILED}:
-        chosen, note = choose_backend(program)
-        return replace(program, backend=chosen, note=note)
-    return program
+    return with_chosen_backend(program) if backend in {AUTO, COMPILED} else program
 
 
 def _require_alike(graphs: Sequence[CircuitGraph]) -> CircuitGraph:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from circuitkit.engine.backends import load_backend
+from dataclasses import replace
+
+from circuitkit.engine.backends import AUTO, COMPILED, compiled_backend, load_backend
 from circuitkit.engine.backends.kernel import Kernel
 from circuitkit.engine.program import Program
 
@@ -28,3 +30,19 @@ def return_kernel(program: Program, kernel: Kernel) -> None:
     if len(program.idle) > _MOST_IDLE_SIZES:
         program.idle.clear()
     program.idle.setdefault(kernel.batch, []).append(kernel)
+
+
+def with_chosen_backend(program: Program) -> Program:
+    """Choose the compiled backend if it works here, else numpy, with a warning if "compiled" was asked for.
+
+    That it works is seen from a kernel for one circuit, or for the members of a sweep, which then waits for
+    whoever steps the program first.
+    """
+    chosen = replace(program, backend=COMPILED, note="backend compiled: C built by the system's compiler")
+    kernel = compiled_backend.build_kernel(chosen, program.members or 1)
+    if isinstance(kernel, str):
+        if program.backend != AUTO:
+            compiled_backend.warn(kernel, program)
+        return replace(program, backend="numpy", note=f"backend numpy: {kernel}")
+    return_kernel(chosen, kernel)
+    return chosen

@@ -10,7 +10,7 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.engine.checks import as_run_inputs, require_memory, require_step_inputs
 from circuitkit.engine.divergence import raise_for
-from circuitkit.engine.kernels import borrow_kernel, new_kernel, return_kernel
+from circuitkit.engine.kernels import borrow_kernel, return_kernel
 from circuitkit.engine.operations import IndexArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.record import select
@@ -132,7 +132,7 @@ class Stepper:
         """
         state = program.initial_state(batch, seed)
         self._seed = state.seed
-        self._kernel = new_kernel(program, state.batch)
+        self._kernel = borrow_kernel(program, state.batch)
         self._advance = self._kernel.advance
         self.program = program
         self.batch = state.batch

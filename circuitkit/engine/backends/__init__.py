@@ -10,9 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from circuitkit.base.errors import UnknownNameError
-from circuitkit.engine.backends import compiled_backend
 from circuitkit.engine.backends.kernel import KernelMaker
-from circuitkit.engine.program import Program
 
 AUTO = "auto"
 COMPILED = "compiled"
@@ -35,13 +33,3 @@ def load_backend(name: str) -> KernelMaker:
     module = importlib.import_module(f"{__name__}.{name}{_SUFFIX}")
     make_kernel: KernelMaker = module.make_kernel
     return make_kernel
-
-
-def choose_backend(program: Program) -> tuple[str, str]:
-    """The compiled backend if it works here, else numpy, with a warning if it was asked for; and why."""
-    problem = compiled_backend.prepare(program)
-    if not problem:
-        return COMPILED, "backend compiled: C built by the system's compiler"
-    if program.backend != AUTO:
-        compiled_backend.warn(problem, program)
-    return "numpy", f"backend numpy: {problem}"

@@ -5,42 +5,33 @@ from __future__ import annotations
 import logging
 
 from circuitkit.base.errors import CircuitkitError
-from circuitkit.engine.backends.c.build import BuildError, load_program, load_runtime, unavailable
+from circuitkit.engine.backends.c.build import BuildError, unavailable
 from circuitkit.engine.backends.c.kernel import CompiledKernel
-from circuitkit.engine.backends.c.source import print_program
 from circuitkit.engine.backends.kernel import Kernel
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
 from circuitkit.engine.program import Program
 
-__all__ = ["make_kernel", "prepare", "unavailable", "warn"]
+__all__ = ["build_kernel", "make_kernel", "unavailable", "warn"]
 _LOG = logging.getLogger("circuitkit")
 
 
 def make_kernel(program: Program, batch: int) -> Kernel:
-    """A kernel for B = `batch` copies of the circuit; numpy's, with a warning, if none can be built."""
+    """Make a kernel for B = `batch` copies of the circuit; numpy's, with a warning, if none can be built."""
+    kernel = build_kernel(program, batch)
+    if isinstance(kernel, str):
+        warn(kernel, program)
+        return NumpyKernel(program, batch)
+    return kernel
+
+
+def build_kernel(program: Program, batch: int) -> CompiledKernel | str:
+    """Compile a kernel for B = `batch` copies, or find it in the cache; if that is not possible, say why."""
     try:
         return CompiledKernel(program, batch)
     except (CircuitkitError, MemoryError):
         raise
     except Exception as error:
-        warn(_reason(error), program)
-        return NumpyKernel(program, batch)
-
-
-def prepare(program: Program) -> str:
-    """Compile a program for one circuit, or for the members of a sweep, or find it in the cache.
-
-    Returns:
-        Why it is not possible; empty if it is.
-    """
-    try:
-        load_runtime()
-        load_program(print_program(program, program.members or 1).text)
-    except (CircuitkitError, MemoryError):
-        raise
-    except Exception as error:
         return _reason(error)
-    return ""
 
 
 def warn(problem: str, program: Program) -> None:
@@ -49,7 +40,7 @@ def warn(problem: str, program: Program) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """What went wrong; a mistake in the making of the C must not keep a circuit from running either."""
+    """Say what went wrong; a mistake in the making of the C must not keep a circuit from running either."""
     if isinstance(error, BuildError):
         return str(error)
     return f"internal error of the compiled backend, {type(error).__name__}: {error}"

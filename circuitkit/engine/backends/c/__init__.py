@@ -4,7 +4,9 @@ Read in this order: `expression` (an expression as C), `constants` (the numbers 
 `rows` (what is read, written and kept), `unrolled` (a small program, statement by statement), `spikes` (which
 sums have few sources that are not zero), `fusion` and `maps` (which maps share a loop, and how it looks),
 `loops` (a large program, loop by loop), `source` (which of the two), `build` (compiler and cache), `kernel`
-(memory and calls). In C: `arithmetic.h` with `lanes.h` (functions of expressions), `noise.h`, `context.h`,
+(memory and calls). In C: `arithmetic.h` with `simd.h` (functions of expressions), `noise.h`, `context.h`,
 `unrolled.h`, `loops.h` with `active.h` and `steps.h` (what surrounds the generated part), `runtime.c` with
 `workers.h` (for Python).
 """
+
+SIMD_WIDTH = 8  # numbers that are computed side by side; `loops.h` has it as well

@@ -10,7 +10,7 @@
 static __attribute__((unused, noinline)) void find_active(const real *restrict from, int64_t n, int32_t *restrict active,
     int64_t *restrict counts, int64_t worker, int64_t workers)
 {
-    enum { ABREAST = 4 * CK_LANES };
+    enum { ABREAST = 4 * CK_SIMD_WIDTH };
     int64_t i = part(n, worker, workers), end = part(n, worker + 1, workers), count = 0;
     active += i;
     while (i < end) {
@@ -19,7 +19,7 @@ static __attribute__((unused, noinline)) void find_active(const real *restrict f
             w_8 some = bits_8(load_8(from + i)) | bits_8(load_8(from + i + 8)) | bits_8(load_8(from + i + 16)) |
                        bits_8(load_8(from + i + 24));
             whole any = 0;
-            for (int lane = 0; lane < CK_LANES; lane++) any |= some[lane];
+            for (int lane = 0; lane < CK_SIMD_WIDTH; lane++) any |= some[lane];
             stop = i + ABREAST;
             if (!any) i = stop;
         }

@@ -1,6 +1,6 @@
 /* Numbers of a program and the functions of its expressions, one at a time and side by side.
 
-   `lanes.h` defines every function for vectors of one width; all widths do the same operations on every number, so
+   `simd.h` defines every function for vectors of one width; all widths do the same operations on every number, so
    that a number does not depend on how many were computed with it. Nothing may contract a * b + c behind the
    compiler's back (-ffp-contract=off): CK_FMA says where it is meant, and is one operation in all widths or in none. */
 
@@ -80,19 +80,19 @@ CK_INLINE int64_t ck_ago(int64_t place, int64_t steps, int64_t depth)
 }
 
 #define N 1
-#include "lanes.h"
+#include "simd.h"
 #undef N
 #define N 2
-#include "lanes.h"
+#include "simd.h"
 #undef N
 #define N 4
-#include "lanes.h"
+#include "simd.h"
 #undef N
 #define N 8
-#include "lanes.h"
+#include "simd.h"
 #undef N
 #ifdef CK_SINGLE
 #define N 16
-#include "lanes.h"
+#include "simd.h"
 #undef N
 #endif

@@ -25,17 +25,7 @@ from pathlib import Path
 from types import ModuleType
 
 HERE = Path(__file__).parent
-HEADERS = (
-    "context.h",
-    "arithmetic.h",
-    "lanes.h",
-    "noise.h",
-    "unrolled.h",
-    "loops.h",
-    "active.h",
-    "steps.h",
-    "workers.h",
-)
+HEADERS = tuple(sorted(HERE.glob("*.h")))
 _FLAGS = (
     "-std=gnu11",
     "-O3",
@@ -149,7 +139,7 @@ def _private_folder() -> Path:
 
 
 def _key(source: str, flags: list[str]) -> str:
-    headers = [(HERE / name).read_text(encoding="utf-8") for name in HEADERS]
+    headers = [path.read_text(encoding="utf-8") for path in HEADERS]
     parts = (source, *headers, *_FLAGS, *_more_flags(), *flags, *_compiler_identity(), _processor(), _abi())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 

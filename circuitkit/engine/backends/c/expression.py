@@ -24,7 +24,7 @@ def print_expression(expression: Expression, names: Mapping[str, str], width: in
 
 
 class _Printer:
-    """Walks a tree; `lanes.h` has every function of the language under its own name."""
+    """Walks a tree; `simd.h` has every function of the language under its own name."""
 
     def __init__(self, names: Mapping[str, str], width: int) -> None:
         self._names = names

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from circuitkit.engine.backends.c import SIMD_WIDTH
 from circuitkit.engine.backends.c.build import load_program, load_runtime
 from circuitkit.engine.backends.c.source import Source, print_program
 from circuitkit.engine.operations import IndexArray
@@ -18,7 +19,6 @@ from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray, State
 
 _LOG = logging.getLogger("circuitkit")
-_LANES = 8
 _ALIGNMENT = 64
 _ALIKE = 64  # rows a multiple of so many numbers apart would share places in the processor's cache
 # Work of a step (terms and expressions, times the batch) from which more threads help, and from which other
@@ -61,7 +61,7 @@ class CompiledKernel:
         self._time = 0
         source = print_program(program, batch)
         self._kernel = self._make(source, number)
-        self._in_turn = source.unrolled and batch > _LANES
+        self._in_turn = source.unrolled and batch > SIMD_WIDTH
         self.advance: Callable[[], bool] = self._kernel.advance
 
     def _make(self, source: Source, number: np.dtype[Any]) -> Any:  # noqa: ANN401  # a type made by the runtime
@@ -160,8 +160,8 @@ class CompiledKernel:
 def _stride(batch: int) -> int:
     if batch == 1:
         return 1
-    stride = -(-batch // _LANES) * _LANES
-    return stride + _LANES if stride % _ALIKE == 0 else stride
+    stride = -(-batch // SIMD_WIDTH) * SIMD_WIDTH
+    return stride + SIMD_WIDTH if stride % _ALIKE == 0 else stride
 
 
 def _aligned(shape: Sequence[int], number: np.dtype[Any]) -> AnyArray:

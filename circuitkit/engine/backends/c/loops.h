@@ -4,7 +4,7 @@
 
 #include <sched.h>
 
-#define CK_LANES 8
+#define CK_SIMD_WIDTH 8
 
 #if defined(__x86_64__) || defined(__i386__)
 #define CK_PAUSE() __builtin_ia32_pause()
@@ -33,7 +33,7 @@ static __attribute__((noinline)) void wait_for_all(ck_context *c, int64_t worker
 /* A worker's part of n, in whole vectors. */
 CK_INLINE int64_t part(int64_t n, int64_t worker, int64_t workers)
 {
-    return worker == workers ? n : n * worker / workers & -(int64_t)CK_LANES;
+    return worker == workers ? n : n * worker / workers & -(int64_t)CK_SIMD_WIDTH;
 }
 
 /* A worker's part of rows, with as many terms as the others have. */
@@ -85,7 +85,7 @@ CK_INLINE void sum_batch(real *restrict rows, const real *restrict sources_from,
 {
     int64_t end = part_by_terms(indptr, n, worker + 1, workers);
     for (int64_t i = part_by_terms(indptr, n, worker, workers); i < end; i++) {
-        for (int64_t at = 0; at < stride; at += CK_LANES) {
+        for (int64_t at = 0; at < stride; at += CK_SIMD_WIDTH) {
             v_8 sum = add ? load_8(rows + i * stride + at) : all_8(0);
             for (int64_t k = indptr[i]; k < indptr[i + 1]; k++) {
                 v_8 weight = n_weights == 2 ? load_8(weights + k * stride + at) : all_8(weights[n_weights ? k : 0]);

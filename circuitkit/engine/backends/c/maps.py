@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy.typing as npt
 
+from circuitkit.engine.backends.c import SIMD_WIDTH
 from circuitkit.engine.backends.c.expression import print_expression
 from circuitkit.engine.backends.c.fusion import Loop
 from circuitkit.engine.operations import Map
-
-_LANES = 8
 
 
 class LoopPrinter:
@@ -43,7 +42,7 @@ class LoopPrinter:
 
     def alone(self) -> Iterator[str]:
         """The loops for one circuit: neighbouring rows side by side, then one by one."""
-        for width in (_LANES, 1):
+        for width in (SIMD_WIDTH, 1):
             yield f"for (; i + {width} <= end; i += {width}) {{"
             yield from self._body(
                 width,
@@ -58,7 +57,7 @@ class LoopPrinter:
         at = "* stride + at"
         yield "for (; i < end; i++) for (int64_t at = 0; at < stride; at += 8) {"
         constants = ("all_8(*{0})", "all_8({0}[i])", f"load_8({{0}} + i {at})")
-        yield from self._body(_LANES, f"i {at}", f"load_8(table + {{0}}[i] {at})", constants)
+        yield from self._body(SIMD_WIDTH, f"i {at}", f"load_8(table + {{0}}[i] {at})", constants)
         yield "}"
 
     def _body(self, width: int, place: str, pick: str, constants: tuple[str, ...]) -> Iterator[str]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from circuitkit.engine.backends.c import SIMD_WIDTH
 from circuitkit.engine.backends.c.constants import Constants
 from circuitkit.engine.backends.c.expression import print_expression
 from circuitkit.engine.backends.c.rows import first_read, lasting_rows, print_memories, written
@@ -18,7 +19,6 @@ from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember
 from circuitkit.engine.program import Program
 from circuitkit.engine.state import FloatArray
 
-_LANES = 8
 # Vectors of members whose statements alternate: while one waits for a result, the processor does another.
 _ABREAST = 3
 
@@ -193,10 +193,10 @@ class _Printer(ABC):
 class _Batch(_Printer):
     """Members side by side: every variable is a vector of a row of several members."""
 
-    width = _LANES
+    width = SIMD_WIDTH
     abreast = _ABREAST
     suffix = "_@"
-    offset = f" + {_LANES} * @"
+    offset = f" + {SIMD_WIDTH} * @"
 
     def __init__(self, program: Program, constants: Constants) -> None:
         super().__init__(program, constants)
@@ -285,7 +285,7 @@ class _Alone(_Printer):
     def _map(self, operation: Map) -> None:
         first = 0
         while first < operation.count:
-            count = min(operation.count - first, _LANES)
+            count = min(operation.count - first, SIMD_WIDTH)
             self._map_part(operation, range(first, first + count), _width(count))
             first += count
 

@@ -20,7 +20,7 @@
 #elif N > 1 && CK_HAS_FMA && CK_GCC_VECTORS && N * CK_SIZE == 16
 #define CK_FMA(a, b, c) CK_VECTOR_FMA(a, b, c)
 #endif
-#define LANES for (int lane = 0; lane < N; lane++)
+#define EACH_LANE for (int lane = 0; lane < N; lane++)
 
 #if N == 1
 typedef real v_1;
@@ -78,14 +78,14 @@ CK_INLINE void CK(store)(real *to, CK(v) x)
 CK_INLINE real CK(total)(CK(v) x)
 {
     real sum = 0;
-    LANES sum += AT(x);
+    EACH_LANE sum += AT(x);
     return sum;
 }
 
 CK_INLINE CK(v) CK(pick)(const real *from, const int32_t *places)
 {
     CK(v) y;
-    LANES AT(y) = from[places[lane]];
+    EACH_LANE AT(y) = from[places[lane]];
     return y;
 }
 
@@ -97,7 +97,7 @@ CK_INLINE CK(v) CK(fma)(CK(v) a, CK(v) b, CK(v) c)
     return CK_FMA(a, b, c);
 #else
     CK(v) y;
-    LANES AT(y) = CK_FMA_BUILTIN(AT(a), AT(b), AT(c));
+    EACH_LANE AT(y) = CK_FMA_BUILTIN(AT(a), AT(b), AT(c));
     return y;
 #endif
 }
@@ -192,7 +192,7 @@ CK_INLINE CK(v) CK(sign)(CK(v) x)
     CK_INLINE CK(v) CK(name)(CK(v) x) \
     { \
         CK(v) y; \
-        LANES AT(y) = function(AT(x)); \
+        EACH_LANE AT(y) = function(AT(x)); \
         return y; \
     }
 EACH(sqrt, CK_SQRT_BUILTIN)
@@ -207,7 +207,7 @@ EACH(cos, CK_LIBM(cos))
     CK_INLINE CK(v) CK(name)(CK(v) a, CK(v) b) \
     { \
         CK(v) y; \
-        LANES AT(y) = CK_LIBM(name)(AT(a), AT(b)); \
+        EACH_LANE AT(y) = CK_LIBM(name)(AT(a), AT(b)); \
         return y; \
     }
 EACH_PAIR(pow)
@@ -350,7 +350,7 @@ CK_INLINE CK(v) CK(tanh)(CK(v) x)
     return CK(number)(CK(bits)(-e / (e + CK(all)(2))) | sign);
 }
 
-#undef LANES
+#undef EACH_LANE
 #undef AT
 #undef CK_ASSEMBLY
 #undef CK_FMA
