@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.biped.gait import Walk
-from circuitkit.robots.model import RobotModel
+from circuitkit.biped.robot import BipedBody
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class BodyDynamics:
     leave the torques of the joints.
     """
 
-    def __init__(self, robot: RobotModel) -> None:
+    def __init__(self, robot: BipedBody) -> None:
         self._robot = robot
         self._model = copy.deepcopy(robot.model)
         disable = mujoco.mjtDisableBit
@@ -36,7 +36,9 @@ class BodyDynamics:
     def zmp(self, walk: Walk) -> Array:
         """ZMP along the walk, forward and sideways; shape (T, 2), [m]."""
         positions, forces = self._inverse(walk)
-        origin, force, moment = positions[:, :3], forces[:, :3], forces[:, 3:_BASE_DOFS]
+        base = self._robot.base_dof
+        origin = positions[:, self._robot.base_qpos : self._robot.base_qpos + 3]
+        force, moment = forces[:, base : base + 3], forces[:, base + 3 : base + _BASE_DOFS]
         turned = np.column_stack([-moment[:, 1], moment[:, 0]])
         points: Array = origin[:, :2] + (turned - origin[:, 2:3] * force[:, :2]) / force[:, 2:3]
         return points
@@ -52,14 +54,15 @@ class BodyDynamics:
         point = np.zeros((3, self._model.nv))
         turn = np.zeros((3, self._model.nv))
         torques = forces[:, self._robot.dof_index]
+        base, place = self._robot.base_dof, self._robot.base_qpos
         for tick, share in enumerate(left):
             self._data.qpos = positions[tick]
             mujoco.mj_kinematics(self._model, self._data)
             mujoco.mj_comPos(self._model, self._data)
-            force, moment = forces[tick, :3], forces[tick, 3:_BASE_DOFS]
+            force, moment = forces[tick, base : base + 3], forces[tick, base + 3 : base + _BASE_DOFS]
             for part, foot in zip((share, 1.0 - share), self._robot.feet_id, strict=True):
                 if part > 0:
-                    mujoco.mj_jac(self._model, self._data, point, turn, positions[tick, :3], foot)
+                    mujoco.mj_jac(self._model, self._data, point, turn, positions[tick, place : place + 3], foot)
                     torques[tick] -= part * (force @ point + moment @ turn)[self._robot.dof_index]
         return torques
 
@@ -69,7 +72,8 @@ class BodyDynamics:
         positions = generalised_positions(self._robot, walk)
         # The torso keeps upright, so the quaternion is constant and velocities are plain differences.
         moving = np.zeros((walk.ticks, model.nv))
-        moving[:, :3] = positions[:, :3]
+        base, place = self._robot.base_dof, self._robot.base_qpos
+        moving[:, base : base + 3] = positions[:, place : place + 3]
         moving[:, self._robot.dof_index] = positions[:, self._robot.qpos_index]
         dt = walk.gait.control_step
         velocity, acceleration = np.zeros_like(moving), np.zeros_like(moving)
@@ -83,18 +87,37 @@ class BodyDynamics:
         return positions, forces
 
 
-def generalised_positions(robot: RobotModel, walk: Walk) -> Array:
-    """`qpos` along a walk: torso upright over the pelvis; shape (T, nq)."""
-    positions = np.zeros((walk.ticks, robot.model.nq))
-    positions[:, :3] = walk.pelvis_m
-    positions[:, 2] += robot.spec.legs.hip_offset_z
-    positions[:, 3] = 1.0
+def generalised_positions(robot: BipedBody, walk: Walk) -> Array:
+    """`qpos` along a walk: torso upright over the pelvis, loose objects where they are; shape (T, nq)."""
+    positions = np.repeat(robot.start_qpos[None], walk.ticks, axis=0)
+    place, legs = robot.base_qpos, robot.block.legs
+    positions[:, place : place + 3] = walk.pelvis_m
+    positions[:, place] -= legs.hip_offset_x
+    positions[:, place + 2] += legs.hip_offset_z
+    positions[:, place + 3 : place + 7] = [1.0, 0.0, 0.0, 0.0]
     positions[:, robot.qpos_index] = joint_targets(robot, walk)
     return positions
 
 
-def joint_targets(robot: RobotModel, walk: Walk) -> Array:
-    """Angles of all servos along a walk; shape (T, n), [rad]."""
-    targets = np.repeat(robot.posture[None], walk.ticks, axis=0)
-    targets[:, robot.leg_index] = walk.joints_rad
+def joint_targets(robot: BipedBody, walk: Walk) -> Array:
+    """Angles of all joints with servos along a walk, in the MJCF's own sense; shape (T, n), [rad]."""
+    targets = np.repeat(robot.start_qpos[None, robot.qpos_index], walk.ticks, axis=0)
+    targets[:, robot.leg_servo] = walk.joints_rad[:, robot.leg_column] * robot.leg_sign
     return targets
+
+
+def servo_targets(robot: BipedBody, walk: Walk, torques: Array) -> Array:
+    """Controls along a walk; shape (T, nu).
+
+    A servo of stiffness k that must hold a torque stays behind its target by torque / k. The torques along
+    the walk are known beforehand, so the targets are set ahead by as much: the joints then follow the walk,
+    but for a lag of damping / stiffness times their rate, 1.8 degrees (root mean square) in the rolls.
+
+    Args:
+        robot: The robot.
+        walk: The walk.
+        torques: Of all joints with servos; shape (T, n), [N m].
+    """
+    controls = np.repeat(robot.held[None], walk.ticks, axis=0)
+    controls[:, robot.servos] = (joint_targets(robot, walk) + torques / robot.stiffness) * robot.gear
+    return controls

@@ -1,16 +1,15 @@
-"""What sensors say: places in `sensordata`, the channels that controllers read, the centre of pressure."""
+"""What a biped's sensors say: places in `sensordata`, channels of force cells and CoM, the centre of pressure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.base.errors import UnknownNameError
-from circuitkit.base.units import Unit, parse_unit
-from circuitkit.biped.gait import LEG_JOINTS
+from circuitkit.base.units import parse_unit
+from circuitkit.robots.channels import Channel, Quotient
 
 Array = NDArray[np.float64]
 
@@ -20,19 +19,25 @@ _LEAST_LOAD_N = 1.0  # below this a foot counts as unloaded, and its ZMP as in t
 
 @dataclass(frozen=True)
 class SensorLayout:
-    """Order of `sensordata`: cells, wrench of each foot (force, torque, point), CoM, CoM velocity, gyro,
-    accelerometer, up axis and position of the torso, position of each foot, angles of the legs' joints.
+    """Order of a biped's part of `sensordata`: cells, wrench of each foot (force, torque, point), CoM, CoM velocity,
+    gyro, accelerometer, up axis and position of the torso, position of each foot, angles of the legs' joints.
 
     Attributes:
         cells: Names of the eight force cells, left foot first.
+        legs: The legs' joints by role.
+        start: Column of the first cell.
+        total: Columns of `sensordata` in all.
     """  # noqa: D205 - the summary is a list
 
     cells: tuple[str, ...]
+    legs: tuple[str, ...]
+    start: int = 0
+    total: int = 0
 
     @property
     def forces(self) -> slice:
         """The force cells, [N]."""
-        return slice(0, len(self.cells))
+        return slice(self.start, self.start + len(self.cells))
 
     def wrench(self, side: int) -> slice:
         """Force on the foot, torque and point of attack, world frame; `side` 0 is left."""
@@ -74,38 +79,26 @@ class SensorLayout:
 
     @property
     def leg_joints(self) -> slice:
-        """Angles of `LEG_JOINTS`, [rad]."""
-        return self._after(42, len(LEG_JOINTS))
+        """Angles of the legs' joints in the MJCF's own sense, [rad]."""
+        return self._after(42, len(self.legs))
 
     @property
     def width(self) -> int:
         """How many numbers a robot's sensors give."""
-        return len(self.cells) + 42 + len(LEG_JOINTS)
+        return len(self.cells) + 42 + len(self.legs)
 
     def _after(self, start: int, count: int) -> slice:
-        return slice(len(self.cells) + start, len(self.cells) + start + count)
+        begin = self.start + len(self.cells) + start
+        return slice(begin, begin + count)
 
 
-@dataclass(frozen=True)
-class Channel:
-    """Something a controller can read: a quotient of two linear forms of sensor readings.
-
-    Attributes:
-        name: Name.
-        unit: SI unit.
-        numerator: Weights of all sensors; shape (s,).
-        denominator: Weights of all sensors; shape (s,); all zero for a plain linear form.
-        description: What it is.
-    """
-
-    name: str
-    unit: Unit
-    numerator: Array
-    denominator: Array
-    description: str
-
-
-def channels(layout: SensorLayout, cells_xy_m: Array, hip_offset_y_m: float) -> dict[str, Channel]:
+def channels(
+    layout: SensorLayout,
+    cells_xy_m: Array,
+    hip_offset_y_m: float,
+    signs: Sequence[float],
+    cell_range: tuple[float, float],
+) -> dict[str, Channel]:
     """All channels of a robot with two feet of four force cells.
 
     The ZMP is from the middle between the feet as if they stood side by side at the hips' distance, since the
@@ -115,8 +108,10 @@ def channels(layout: SensorLayout, cells_xy_m: Array, hip_offset_y_m: float) -> 
         layout: Where the sensors stand.
         cells_xy_m: Position of each cell from its ankle; shape (8, 2).
         hip_offset_y_m: Half the distance between the feet.
+        signs: 1 or -1 for each of the legs' joints: -1 where it turns the other way in the MJCF.
+        cell_range: What a cell can show, [N].
     """
-    width, force = layout.width, layout.forces
+    width, force = layout.total, layout.forces
     side = np.repeat([1.0, -1.0], _CELLS_PER_FOOT)
     total, none = np.zeros(width), np.zeros(width)
     total[force] = 1.0
@@ -126,122 +121,46 @@ def channels(layout: SensorLayout, cells_xy_m: Array, hip_offset_y_m: float) -> 
         row[force] = weights
         return row
 
-    def one(place: slice, axis: int) -> Array:
+    def one(place: slice, axis: int, weight: float = 1.0) -> Array:
         row = np.zeros(width)
-        row[place.start + axis] = 1.0
+        row[place.start + axis] = weight
         return row
 
-    metre, plain = parse_unit("m"), parse_unit("1")
+    found: dict[str, Channel] = {}
+
+    def add(name: str, unit: str, above: Array, below: Array, description: str) -> None:
+        value = Quotient(above, below, _LEAST_LOAD_N)
+        found[name] = Channel(name, parse_unit(unit), value, description)
+
     zmp_y = cells(cells_xy_m[:, 1] + side * hip_offset_y_m)
-    every = [
-        Channel(
-            "zmp_x", metre, cells(cells_xy_m[:, 0]), total, "ZMP by the force cells, forward of the ankles"
-        ),
-        Channel("zmp_y", metre, zmp_y, total, "ZMP by the force cells, left of the middle between the feet"),
-        Channel(
-            "force_difference", plain, cells(side), total, "(left - right) / (left + right) of the cells"
-        ),
-        Channel("load", parse_unit("N"), total, none, "sum of all force cells"),
-    ]
+    add("zmp_x", "m", cells(cells_xy_m[:, 0]), total, "ZMP by the force cells, forward of the ankles")
+    add("zmp_y", "m", zmp_y, total, "ZMP by the force cells, left of the middle between the feet")
+    add("force_difference", "1", cells(side), total, "(left - right) / (left + right) of the cells")
+    add("load", "N", total, none, "sum of all force cells")
     for axis, letter in enumerate("xyz"):
-        every += [
-            Channel(f"gyro_{letter}", parse_unit("rad/s"), one(layout.gyro, axis), none, "rate of the torso"),
-            Channel(
-                f"acceleration_{letter}", parse_unit("m/s^2"), one(layout.accelerometer, axis), none, "IMU"
-            ),
-            Channel(
-                f"com_velocity_{letter}",
-                parse_unit("m/s"),
-                one(layout.com_velocity, axis),
-                none,
-                "of the CoM",
-            ),
-        ]
+        add(f"gyro_{letter}", "rad/s", one(layout.gyro, axis), none, "rate of the torso")
+        add(f"acceleration_{letter}", "m/s^2", one(layout.accelerometer, axis), none, "IMU")
+        add(f"com_velocity_{letter}", "m/s", one(layout.com_velocity, axis), none, "of the CoM")
     for axis, letter in enumerate("xy"):
-        tilt = one(layout.torso_up, axis)
-        every.append(Channel(f"tilt_{letter}", plain, tilt, none, "torso's lean: component of its up axis"))
+        add(f"tilt_{letter}", "1", one(layout.torso_up, axis), none, "torso's lean: component of its up axis")
+    add("upright", "1", one(layout.torso_up, 2), none, "vertical component of the torso's up axis")
     left, right = layout.foot(0), layout.foot(1)
     for axis, (letter, way) in enumerate({"x": "forward of", "y": "left of", "z": "above"}.items()):
         com, apart = one(layout.com, axis), one(left, axis) - one(right, axis)
         if letter != "z":
             com -= (one(left, axis) + one(right, axis)) / 2
         origin = "floor" if letter == "z" else "middle between the ankles, where they are"
-        every += [
-            Channel(f"com_{letter}", metre, com, none, f"CoM {way} the {origin}"),
-            Channel(f"feet_{letter}", metre, apart, none, f"left ankle {way} the right one"),
-        ]
-    for number, joint in enumerate(LEG_JOINTS):
-        angle = one(layout.leg_joints, number)
-        every.append(
-            Channel(joint, parse_unit("rad"), angle, none, f"angle of the {joint.replace('_', ' ')}")
-        )
-    return {channel.name: channel for channel in every}
-
-
-class Observer:
-    """Computes chosen channels from sensor readings, for all robots at once.
-
-    Every robot's result is summed in the same order whatever the batch, so it is the same to the last bit.
-    """
-
-    def __init__(self, layout: SensorLayout, available: dict[str, Channel], names: Sequence[str]) -> None:
-        """Pick channels.
-
-        Raises:
-            UnknownNameError: There is no such channel; lists those there are.
-        """
-        for name in names:
-            if name not in available:
-                kind = "sensor channel"
-                raise UnknownNameError(kind, name, available)
-        chosen = [available[name] for name in names]
-        self.names = tuple(names)
-        self.units = tuple(channel.unit for channel in chosen)
-        rows = np.array([c.numerator for c in chosen] + [c.denominator for c in chosen]).reshape(
-            -1, layout.width
-        )
-        used = np.flatnonzero(rows.any(axis=0))
-        self._columns = slice(int(used[0]), int(used[-1]) + 1) if len(used) else slice(0, 0)
-        self._weights = np.ascontiguousarray(rows[:, self._columns])
-        self._count = len(chosen)
-        # A plain linear form is divided by one: its "load" is 0, and the least load takes its place.
-        self._least = np.array([_LEAST_LOAD_N if c.denominator.any() else 1.0 for c in chosen])
-
-    def __call__(self, readings: Array) -> Array:
-        """Channels, shape (B, k), of readings, shape (B, s), all of which are numbers."""
-        return self._divided(np.vecdot(readings[:, None, self._columns], self._weights))
-
-    def bound(self, readings: Array) -> Callable[[Array], object]:
-        """The same for one array of readings that changes in place, without making arrays on the way.
-
-        Args:
-            readings: Shape (B, s).
-
-        Returns:
-            What writes the channels into an array of shape (B, k).
-        """
-        view, weights, least = readings[:, None, self._columns], self._weights, self._least
-        sums = np.empty((len(readings), len(weights)))
-        above, below = sums[:, : self._count], sums[:, self._count :]
-
-        def observe(values: Array) -> None:
-            np.vecdot(view, weights, sums)
-            np.maximum(below, least, out=below)
-            np.divide(above, below, values)
-
-        return observe
-
-    def where_some_are_missing(self, readings: Array) -> Array:
-        """The same for readings that may be missing (not a number), to the same bits where none is.
-
-        Zero times not-a-number is no zero: here a channel misses only the readings that it uses.
-        """
-        used = np.where(self._weights != 0, readings[:, None, self._columns], 0.0)
-        return self._divided(np.vecdot(used, self._weights))
-
-    def _divided(self, sums: Array) -> Array:
-        values: Array = sums[:, : self._count] / np.maximum(sums[:, self._count :], self._least)
-        return values
+        add(f"com_{letter}", "m", com, none, f"CoM {way} the {origin}")
+        add(f"feet_{letter}", "m", apart, none, f"left ankle {way} the right one")
+    for number, (joint, sign) in enumerate(zip(layout.legs, signs, strict=True)):
+        angle = one(layout.leg_joints, number, sign)
+        add(joint, "rad", angle, none, f"angle of the {joint.replace('_', ' ')}")
+    for number, foot in enumerate(("left", "right")):
+        add(f"load_{foot}", "N", one(layout.wrench(number), 2), none, f"weight on the {foot} foot, by its contacts")
+    for number, name in enumerate(layout.cells):
+        bare = Quotient(one(layout.forces, number), none)
+        found[name] = Channel(name, parse_unit("N"), bare, "force cell", cell_range)
+    return found
 
 
 def centre_of_pressure(readings: Array, layout: SensorLayout, side: int) -> tuple[Array, Array]:

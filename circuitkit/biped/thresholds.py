@@ -1,45 +1,74 @@
-"""The verdict on a run: did it stand, how far did the ZMP go, when was it back inside."""
+"""The measure `thresholds`: how far the ZMP went beyond a circuit's own thresholds, and when it was back."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
-from circuitkit.circuit import CircuitGraph
-from circuitkit.biped.gait import GaitSpec
-from circuitkit.robots import robot_channels
-from circuitkit.biped.sensing import Observer
-from circuitkit.simulation.loop import Setup, has_fallen, run_and_watch
-from circuitkit.simulation.recording import Recording, support_by_load
-from circuitkit.simulation.scenario import Thresholds
-
-Array = NDArray[np.float64]
+from circuitkit.base.source import FileModel
+from circuitkit.base.units import Unit, parse_unit
+from circuitkit.biped.view import support_by_load
+from circuitkit.circuit import CircuitGraph, load_circuit
+from circuitkit.control import Array
+from circuitkit.simulation.measures import BoundMeasure, MeasureKind, Track, Value
+from circuitkit.simulation.plan import Plan
 
 _NOTHING_M = 1e-9  # rounding, not a crossing
+EXCURSION, RECOVERY = "max_zmp_excursion_m", "recovery_time_s"
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """What became of one robot.
+class Edges(FileModel):
+    """Neurons that stand at the edges of a support polygon."""
 
-    Attributes:
-        survived: Whether it stood at the end.
-        time_of_fall_s: When it leaned by more than 45 degrees; None if it did not.
-        max_zmp_excursion_m: How far the ZMP was outside the circuit's thresholds after the push began, at
-            most; 0 if it never was.
-        recovery_time_s: From the first time outside to being back inside for at least a whole step; None if
-            it never was outside, or never came back.
-    """
+    right: str
+    left: str
 
-    survived: bool
-    time_of_fall_s: float | None
-    max_zmp_excursion_m: float
-    recovery_time_s: float | None
+
+class Thresholds(MeasureKind):
+    """Neurons at whose half activation the ZMP counts as having crossed an edge; gives excursion and recovery."""
+
+    kind: ClassVar[str] = "thresholds"
+
+    channel: str = Field(description="The circuit's input that they compare.")
+    left_foot: Edges
+    right_foot: Edges
+    both_feet: Edges
+    circuit: str | None = Field(
+        default=None, description="The circuit whose neurons they are, if neither the one in use nor the scenario's."
+    )
+
+    def bind(self, plan: Plan) -> ThresholdMeasure:
+        """Find the lines in the first circuit that has such neurons.
+
+        Raises:
+            InputError: No circuit has, or the robot has no such channel.
+        """
+        graphs = plan.circuits.candidates
+        if self.circuit is not None:
+            graphs = (load_circuit(plan.scenario.file(self.circuit)),)
+        if not graphs:
+            message = "the scenario has no circuit; allowed: circuit: NAME here, whose neurons stand at the edges"
+            raise InputError(Problem("", 0, 0, "measures.thresholds", message))
+        if self.channel not in plan.robot.channels:
+            channels = plan.robot.channels
+            message = f"the robot has no channel '{self.channel}'; allowed: {listing(channels)}"
+            raise InputError(
+                Problem("", 0, 0, "measures.thresholds.channel", message, suggest(self.channel, channels))
+            )
+        return ThresholdMeasure(self.channel, self._lines(graphs))
+
+    def _lines(self, graphs: tuple[CircuitGraph, ...]) -> Array:
+        for graph in graphs[:-1]:
+            try:
+                return threshold_lines(graph, self)
+            except InputError:
+                continue
+        return threshold_lines(graphs[-1], self)
 
 
 def threshold_lines(circuit: CircuitGraph, thresholds: Thresholds) -> Array:
@@ -66,106 +95,68 @@ def threshold_lines(circuit: CircuitGraph, thresholds: Thresholds) -> Array:
                     f"'{name}': no neuron of '{circuit.name}' with a shift that reads '{thresholds.channel}'"
                 )
                 message = f"found {found}; allowed: {listing(allowed)}"
-                raise InputError(Problem("", 0, 0, f"thresholds.{part}", message, suggest(name, allowed)))
+                where = f"measures.thresholds.{part}"
+                raise InputError(Problem("", 0, 0, where, message, suggest(name, allowed)))
             lines[i, j] = neuron.parameters["shift"] / weights[name]
     return lines
 
 
-def judge(recording: Recording, thresholds: Thresholds, robot: int = 0) -> Verdict:
-    """Judge one robot of a recording."""
-    fallen = has_fallen(recording.readings, recording.robot, recording.readings[0])[:, robot]
-    return _verdict(
-        fallen,
-        recording.channel(thresholds.channel)[:, robot],
-        threshold_lines(recording.yardstick or recording.circuit, thresholds)[recording.support[:, robot]],
-        recording.fates.windows_s[robot, 0],
-        recording.walk.gait,
-    )
-
-
-@dataclass(frozen=True)
-class Judged:
-    """What became of one robot, and what its controller did about it.
+class ThresholdMeasure(BoundMeasure):
+    """Judges by lines for the ZMP, which depend on who carries.
 
     Attributes:
-        verdict: What became of it.
-        rms: Of each command up to the end or to the fall, by name; SI units.
+        lines_m: Shape (3, 2): left foot, right foot, both; right edge, left edge.
     """
 
-    verdict: Verdict
-    rms: Mapping[str, float]
+    units: ClassVar[Mapping[str, Unit]] = {EXCURSION: parse_unit("m"), RECOVERY: parse_unit("s")}
 
+    def __init__(self, channel: str, lines_m: Array) -> None:
+        """Name the channel and its lines."""
+        self.channel = channel
+        self.lines_m = lines_m
+        self.channels = (channel, "load_left", "load_right")
 
-def run_and_judge(
-    setup: Setup,
-    thresholds: Thresholds,
-    progress: Callable[[int], object] | None = None,
-    threads: int | None = None,
-) -> tuple[Judged, ...]:
-    """Run B robots for their verdicts alone: those of `run_loop` and `judge`, with less memory and time.
+    def measure(self, track: Track) -> Mapping[str, Value]:
+        """How far the ZMP was outside after the push began, at most, and how long it took to be back.
 
-    Args:
-        setup: What runs.
-        thresholds: Where the ZMP counts as having crossed.
-        progress: Is told the number of ticks that are done.
-        threads: For the physics; by default all processors, one for one robot.
-
-    Returns:
-        One for each robot, the same to the last bit whatever the batch.
-
-    Raises:
-        InputError: The circuit has no such thresholds, or the robot no such channel.
-    """
-    lines = threshold_lines(setup.yardstick or setup.circuit, thresholds)
-    available, name = robot_channels(setup.robot), thresholds.channel
-    layout, observer = setup.robot.layout, Observer(setup.robot.layout, available, [name])
-    used = np.flatnonzero((available[name].numerator != 0) | (available[name].denominator != 0))
-    marks = [layout.torso_up.start + 2, layout.com.start + 2, *(layout.wrench(s).start + 2 for s in range(2))]
-    columns = np.union1d(used, marks)
-    watched = run_and_watch(setup, columns.tolist(), progress, threads)
-    judged = []
-    for i in range(len(setup.trials)):
-        readings = np.zeros((len(watched.readings), layout.width))
-        readings[:, columns] = watched.readings[:, i]
-        fallen = has_fallen(readings, setup.robot, watched.first[i])
-        zmp = observer(readings)[:, 0]
-        loads = np.stack([readings[:, layout.wrench(s)][:, 2] for s in range(2)], axis=-1)
-        start, gait = setup.fates.windows_s[i, 0], setup.walk.gait
-        verdict = _verdict(fallen, zmp, lines[support_by_load(loads)], start, gait)
-        end = int(fallen.argmax()) if fallen.any() else len(fallen)
-        spent = np.ascontiguousarray(watched.commands[:end, i].T)
-        rms = {
-            command: math.sqrt(np.square(values).mean()) if end else 0.0
-            for command, values in zip(setup.controller.commands, spent, strict=True)
+        The excursion is 0 if it never was outside. Recovery is from the first time outside to being back
+        inside for at least a whole step; None if it never was outside, or never came back.
+        """
+        low, high = self.bounds(self.channel, track.values)
+        zmp, dt = track.values(self.channel), track.step_s
+        begin = 0 if np.isnan(track.push_s) else round(track.push_s / dt)
+        inside = slice(begin, track.before_end)
+        beyond = np.maximum(low - zmp, zmp - high)[inside]
+        pace = round(track.pace_s / dt)
+        return {
+            EXCURSION: float(max(beyond.max(initial=0.0), 0.0)),
+            RECOVERY: _recovery_s(beyond > _NOTHING_M, pace, dt),
         }
-        judged.append(Judged(verdict, rms))
-    return tuple(judged)
+
+    def bounds_known(self, channel: str) -> bool:
+        """Those of its own channel."""
+        return channel == self.channel
+
+    def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:
+        """The lines of who carries, tick by tick; shape (T,) each."""
+        if channel != self.channel:
+            return None
+        lines = self.lines_m[self.support(values)]
+        return lines[..., 0], lines[..., 1]
+
+    @staticmethod
+    def support(values: Callable[[str], Array]) -> NDArray[np.int64]:
+        """Who carries, by the measured load."""
+        return support_by_load(np.stack([values("load_left"), values("load_right")], axis=-1))
 
 
-def _verdict(fallen: NDArray[np.bool_], zmp: Array, lines: Array, push_s: float, gait: GaitSpec) -> Verdict:
-    """Judge a robot by where it had fallen, its ZMP and the lines for it; shapes (T,), (T,) and (T, 2)."""
-    down = np.flatnonzero(fallen)
-    fell = len(down) > 0
-    dt = gait.control_step
-    begin = 0 if np.isnan(push_s) else round(push_s / dt)
-    end = int(down[0]) if fell else len(fallen)
-    zmp, lines = zmp[begin:end], lines[begin:end]
-    beyond = np.maximum(lines[:, 0] - zmp, zmp - lines[:, 1])
-    return Verdict(
-        survived=not fell,
-        time_of_fall_s=(down[0] + 1.0) * dt if fell else None,
-        max_zmp_excursion_m=float(max(beyond.max(initial=0.0), 0.0)),
-        recovery_time_s=_recovery_s(beyond > _NOTHING_M, gait),
-    )
-
-
-def _recovery_s(outside: NDArray[np.bool_], gait: GaitSpec) -> float | None:
+def _recovery_s(outside: NDArray[np.bool_], pace: int, dt: float) -> float | None:
     """From the first tick outside to the first after which a whole step is spent inside."""
     crossings = np.flatnonzero(outside)
     if len(crossings) == 0:
         return None
-    quiet = np.diff(np.append(crossings, len(outside))) > gait.step_ticks
+    quiet = np.diff(np.append(crossings, len(outside))) > pace
     if not quiet.any():
         return None
     back = crossings[quiet.argmax()] + 1
-    return float((back - crossings[0]) * gait.control_step)
+    return float((back - crossings[0]) * dt)

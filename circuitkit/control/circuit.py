@@ -14,7 +14,7 @@ from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.circuit.graph import InputNode, OutputNode
 from circuitkit.circuit.silencing import silence
 from circuitkit.control.controller import Array, Interface
-from circuitkit.engine import Program, compile_circuit
+from circuitkit.engine import Program, Stepper, compile_circuit
 
 
 class CircuitController:
@@ -119,7 +119,7 @@ class BoundCircuit:
     def reset(self, batch: int) -> None:
         """Start again, with `batch` robots."""
         self._tick = 0
-        self._stepper = self._program.stepper(batch)
+        self._stepper = Stepper(self._program, batch)
         self._inputs = self._stepper.inputs
 
     def step(self, observation: Array) -> Array:

@@ -12,7 +12,15 @@ from pydantic import ConfigDict, Field, field_validator
 
 from circuitkit.base.errors import UnknownNameError, listing, suggest
 from circuitkit.base.registry import Registry
-from circuitkit.base.source import Data, Document, FileModel, find_data_file, read_yaml, shipped_names, validate_model
+from circuitkit.base.source import (
+    Data,
+    Document,
+    FileModel,
+    find_data_file,
+    read_yaml,
+    shipped_names,
+    validate_model,
+)
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control.controller import Controller, Interface
 

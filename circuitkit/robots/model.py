@@ -20,7 +20,9 @@ from circuitkit.robots.channels import Array, Channel, Formula
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
 from circuitkit.robots.spec import ChannelSpec, Robot
 
-_HINGE, _SLIDE, _FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE
+_HINGE, _SLIDE, _FREE = (
+    int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +228,7 @@ def _add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, flo
     wanted = robot.servos_in_use
     if not wanted:
         return {}
-    hinges = [joint for joint in mj.joints if joint.type in {_HINGE, _SLIDE}]
+    hinges = [joint for joint in mj.joints if int(joint.type) in {_HINGE, _SLIDE}]
     chosen: dict[str, Any] = {}
     for joint in hinges:
         servo = next((s for s in wanted if any(fnmatchcase(joint.name, p) for p in s.joints)), None)
@@ -373,7 +375,7 @@ def hold_joints(
     Returns:
         Numbers of the joints.
     """
-    names = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] in {_HINGE, _SLIDE}]
+    names = [model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in {_HINGE, _SLIDE}]
     numbers = set()
     for name, text in hold.items():
         if name not in names:

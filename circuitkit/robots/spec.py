@@ -7,11 +7,27 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Protocol
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PrivateAttr, create_model, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    create_model,
+    model_validator,
+)
 
 from circuitkit.base.errors import Problem, UnitError, UnknownNameError
 from circuitkit.base.registry import Registry
-from circuitkit.base.source import Document, FileModel, Place, data_folder, describe, read_yaml, validate_model
+from circuitkit.base.source import (
+    Document,
+    FileModel,
+    Place,
+    data_folder,
+    describe,
+    read_yaml,
+    validate_model,
+)
 from circuitkit.base.source.fields import Damping, NewtonMetres, Seconds, Stiffness
 from circuitkit.base.units import parse_quantity, parse_unit
 

@@ -1,23 +1,25 @@
-"""The closed loop: scenarios, disturbances, recordings, verdicts, pictures and films."""
+"""The closed loop: scenarios, references, disturbances, measures, recordings, plots and films."""
 
+from circuitkit.simulation.disturbance import Disturbance, RunSpec
+from circuitkit.simulation.plan import Plan, make_plan
 from circuitkit.simulation.recording import Recording
-from circuitkit.simulation.run import CONTROLLERS, Plan, Result, compare, make_plan, simulate
-from circuitkit.simulation.scenario import Push, Scenario, load_scenario, parse_push
-from circuitkit.biped.thresholds import Verdict, judge, threshold_lines
+from circuitkit.simulation.reference import Moment, Motion, Reference
+from circuitkit.simulation.run import Result, compare, simulate
+from circuitkit.simulation.scenario import Scenario, load_scenario, parse_push
 
 __all__ = [
-    "CONTROLLERS",
+    "Disturbance",
+    "Moment",
+    "Motion",
     "Plan",
-    "Push",
     "Recording",
+    "Reference",
     "Result",
+    "RunSpec",
     "Scenario",
-    "Verdict",
     "compare",
-    "judge",
     "load_scenario",
     "make_plan",
     "parse_push",
     "simulate",
-    "threshold_lines",
 ]

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, create_model, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.registry import Registry
@@ -26,10 +26,12 @@ from circuitkit.simulation.reference import Moment, Reference
 Mask = NDArray[np.bool_]
 
 
-def _start(value: object) -> object:
+def _start(value: object, info: ValidationInfo) -> object:
     """A time in seconds, or a moment in the words of the reference."""
     if isinstance(value, Mapping):
         return dict(value)
+    if info.mode == "python" and isinstance(value, int | float) and not isinstance(value, bool) and value >= 0:
+        return float(value)
     try:
         quantity = parse_quantity(str(value))
         fits = not isinstance(value, bool) and quantity.dimension == parse_quantity("1 s").dimension

@@ -16,7 +16,15 @@ from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import Dimension, Unit, parse_unit
 from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension, dimension_of
-from circuitkit.circuit.expressions.expression import COMPARISONS, Binary, Call, Expression, Name, Number, Unary
+from circuitkit.circuit.expressions.expression import (
+    COMPARISONS,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Unary,
+)
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.control import Array
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
@@ -405,15 +413,15 @@ def _is_condition(tree: Expression) -> bool:
             return name == ENDED
         case Binary(operator=joint) if joint in COMPARISONS:
             return True
-        case Binary(operator="-", left=Number(value=1.0), right=right):
-            return _is_condition(right)
-        case Binary(operator="*", left=left, right=right):
-            return _is_condition(left) and _is_condition(right)
-        case Call(function="max" | "min", arguments=(left, right)):
-            return _is_condition(left) and _is_condition(right)
+        case Call(function="where", arguments=(_, then, otherwise)):  # what and, or and not are read as
+            return all(_is_condition(each) or _is_truth(each) for each in (then, otherwise))
         case Call(function="last" | "first", arguments=(argument,)):
             return _is_condition(argument)
     return False
+
+
+def _is_truth(tree: Expression) -> bool:
+    return isinstance(tree, Number) and tree.value in {0.0, 1.0}
 
 
 @dataclass(frozen=True, eq=False)

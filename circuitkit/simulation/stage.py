@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.simulation.puppet import LIGHT, Puppet, add_arrow
-from circuitkit.simulation.screen import Screen
+from circuitkit.simulation.renderer import Screen
 from circuitkit.simulation.story import PushSpan
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.biped.thresholds import threshold_lines
 from circuitkit.robots import RobotSpec
 from circuitkit.simulation.disturbance import BodyPush
-from circuitkit.biped.thresholds import threshold_lines
 
 if TYPE_CHECKING:
     from circuitkit.simulation.run import Result

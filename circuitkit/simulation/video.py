@@ -13,7 +13,7 @@ from circuitkit.base.errors import MissingDependencyError
 from circuitkit.base.files import replacing
 from circuitkit.draw.style import GREY, INK, PAPER
 from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
-from circuitkit.simulation.screen import RendererError
+from circuitkit.simulation.renderer import RendererError
 from circuitkit.simulation.stage import Stage
 from circuitkit.simulation.story import PushSpan, tell
 from circuitkit.simulation.watch import progress_bar

@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated
 
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 from circuitkit.base.source.validation import describe
 from circuitkit.base.units import parse_quantity, parse_unit
 
 
-def _reader(unit_text: str, example: str) -> Callable[[object], float]:
-    """A validator: number or text to the SI value, if it has the dimension of `unit_text`."""
+def _reader(unit_text: str, example: str) -> Callable[[object, ValidationInfo], float]:
+    """A validator: number or text to the SI value, if it has the dimension of `unit_text`.
+
+    A bare number in a file has no unit and is refused where one is needed; in Python it is in SI units.
+    """
     unit = parse_unit(unit_text)
 
-    def read(value: object) -> float:
+    def read(value: object, info: ValidationInfo) -> float:
+        if info.mode == "python" and isinstance(value, int | float) and not isinstance(value, bool):
+            return float(value)
         allowed = f"allowed: a quantity such as '{example}'"
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             message = f"found {describe(value)}; {allowed}"

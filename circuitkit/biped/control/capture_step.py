@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from circuitkit.base.errors import InputError, Problem, listing
-from circuitkit.base.source import FileModel, find_data_file
+from circuitkit.base.source import find_data_file
 from circuitkit.base.source.fields import Metres, Ratio, Seconds
 from circuitkit.base.units import parse_unit
-from circuitkit.circuit import CircuitGraph, load_circuit
-from circuitkit.circuit.load import FOLDER
-from circuitkit.control.circuit import CircuitController
-from circuitkit.control.controller import Array
 from circuitkit.biped.control.planned import planned_channels
-from circuitkit.biped.control.reference import WalkReference
+from circuitkit.biped.control.reference import WalkReference, gait_knowledge
 from circuitkit.biped.control.sensed_com import CommandAxis, SensedCom
 from circuitkit.biped.gait import LEFT, RIGHT
+from circuitkit.circuit import CircuitGraph, load_circuit
+from circuitkit.circuit.load import FOLDER
+from circuitkit.control import Array, CircuitController, ControllerSpec, Interface
 
 _LEGS = ("left_foot_y", "right_foot_y", "left_leg_lift", "right_leg_lift")
 _SIDES = np.array([1.0, -1.0])  # which way is outward: left foot, right foot
@@ -69,12 +68,11 @@ def dcm_at_end(dcm_m: Array, zmp_m: float, time_left_s: float, omega: float) -> 
     return zmp_m + (dcm_m - zmp_m) * math.exp(omega * time_left_s)
 
 
-class CaptureStepSpec(FileModel):
+class CaptureStepSpec(ControllerSpec):
     """A controller file of the kind `capture_step`."""
 
-    controller: str = Field(description="Name.")
-    description: str = ""
-    kind: Literal["capture_step"]
+    kind: ClassVar[str] = "capture_step"
+
     ankle_circuit: str = Field(description="The circuit of the ankles: a shipped one or a path.")
     hand_over: str = Field(description="The circuit that decides who acts: a shipped one or a path.")
     reach_outward: Metres = Field(ge=0, le=0.12, description="Furthest that a foot is put outward.")
@@ -98,13 +96,13 @@ class CaptureStepSpec(FileModel):
         ankles = load_circuit(self.ankle_circuit)
         return {"ankle_circuit": ankles, "hand_over": _deciding(self.hand_over)}
 
-    def build(self, reference: WalkReference) -> CaptureStep:
+    def bind(self, interface: Interface) -> CaptureStep:
         """The controller for a walk.
 
         Raises:
             InputError: A circuit is missing, wrong, or does not fit.
         """
-        return CaptureStep(self, reference)
+        return CaptureStep(self, gait_knowledge(interface.reference, self.controller))
 
 
 @dataclass(frozen=True)
@@ -199,14 +197,11 @@ class CaptureStep:
         self.name = spec.controller
         step_s, body = reference.step_s, reference.body
         circuits = spec.circuits()
-        self._ankles = CircuitController(
-            circuits["ankle_circuit"],
-            body.observations,
-            {name: unit for name, unit in body.commands.items() if name not in _LEGS},
-            step_s,
-            planned=planned_channels(reference),
-        )
-        self._decision = CircuitController(circuits["hand_over"], HAND_OVER_INPUTS, HAND_OVER_OUTPUTS, step_s)
+        leaning = {name: unit for name, unit in body.commands.items() if name not in _LEGS}
+        known = Interface(body.observations, leaning, step_s, planned_channels(reference))
+        self._ankles = CircuitController(circuits["ankle_circuit"]).bind(known)
+        deciding = Interface(HAND_OVER_INPUTS, HAND_OVER_OUTPUTS, step_s)
+        self._decision = CircuitController(circuits["hand_over"]).bind(deciding)
         self._for_shares = [self._decision.commands.index(name) for name in HAND_OVER_OUTPUTS]
         self._sensed = SensedCom(reference, [CommandAxis("lateral")])
         self.observations = tuple(dict.fromkeys((*self._sensed.observations, *self._ankles.observations)))
@@ -233,26 +228,32 @@ class CaptureStep:
         self._offset_m = np.zeros((batch, 2))  # of each foot, outward
         self._command = np.zeros((batch, len(self.commands)))
 
-    def step(self, observation: Array, trace: Array) -> Array:
+    def step(self, observation: Array) -> Array:
         """Commands of the ankles' circuit, then sideways angle and lift of both legs; shape (B, m), [rad]."""
         plan, tick = self._plan, self._tick
         self._tick += 1
-        lean = self._ankles.step(observation[:, self._for_ankles], self._ankle_trace)
+        lean = self._ankles.step(observation[:, self._for_ankles])
         position, velocity = self._sensed.read(tick, observation)
         dcm = (position + velocity / self._omega)[:, 0]
         known = {"dcm_y": dcm, "left_limit": plan.left_m[tick], "right_limit": plan.right_m[tick]}
         told = np.column_stack(
             [np.broadcast_to(known[name], dcm.shape) for name in self._decision.observations]
         )
-        shares = self._decision.step(told, self._decision_trace)[:, self._for_shares]
+        shares = self._decision.step(told)[:, self._for_shares]
         delta = dcm_at_end(dcm, plan.zmp_m[tick], plan.time_left_s[tick], self._omega) - plan.end_dcm_m[tick]
         there = np.isfinite(dcm)
         self._offset_m[there] = self._placed(tick, delta, shares)[there]
         command = np.column_stack([lean * shares[:, :1], self._leg_angles()])
         self._command = np.where(there[:, None], command, self._command)
         error = dcm - plan.dcm_m[tick]
-        trace[...] = np.column_stack([error, delta, told, shares, self._decision_trace, self._ankle_trace])
+        self._shown = np.column_stack([error, delta, told, shares])
         return self._command
+
+    def store_trace(self, row: Array) -> None:
+        """Write the DCM's error, the step law, what decides and is decided, and the neurons; shape (B, n)."""
+        self._decision.store_trace(self._decision_trace)
+        self._ankles.store_trace(self._ankle_trace)
+        row[...] = np.column_stack([self._shown, self._decision_trace, self._ankle_trace])
 
     def _placed(self, tick: int, delta_m: Array, shares: Array) -> Array:
         """Where the feet shall be, outward of their plan; shape (B, 2), [m].

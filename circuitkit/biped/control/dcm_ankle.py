@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import Radians, RadianSecondsPerMetre, RadiansPerMetre, Ratio, Seconds
-from circuitkit.control.controller import Array
-from circuitkit.biped.control.reference import WalkReference
+from circuitkit.biped.control.reference import WalkReference, gait_knowledge
 from circuitkit.biped.control.sensed_com import AxisName, CommandAxis
 from circuitkit.biped.control.state_feedback import Calibration, ComFeedback
+from circuitkit.control import Array, ControllerSpec, Interface
 
 
 class AxisGains(FileModel):
@@ -36,12 +36,11 @@ class AxisGains(FileModel):
     )
 
 
-class DcmAnkleSpec(FileModel):
+class DcmAnkleSpec(ControllerSpec):
     """A controller file of the kind `dcm_ankle`."""
 
-    controller: str = Field(description="Name.")
-    description: str = ""
-    kind: Literal["dcm_ankle"]
+    kind: ClassVar[str] = "dcm_ankle"
+
     lateral: AxisGains | None = Field(default=None, description="Acts on ankle_roll.")
     sagittal: AxisGains | None = Field(default=None, description="Acts on ankle_pitch.")
 
@@ -58,9 +57,9 @@ class DcmAnkleSpec(FileModel):
         both: dict[AxisName, AxisGains | None] = {"lateral": self.lateral, "sagittal": self.sagittal}
         return {name: gains for name, gains in both.items() if gains is not None}
 
-    def build(self, reference: WalkReference) -> DcmAnkle:
+    def bind(self, interface: Interface) -> DcmAnkle:
         """The controller for a walk."""
-        return DcmAnkle(self, reference)
+        return DcmAnkle(self, gait_knowledge(interface.reference, self.controller))
 
 
 class DcmAnkle:
@@ -95,8 +94,8 @@ class DcmAnkle:
         self._tick = 0
         self._error, self._rate, self._command = np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)
 
-    def step(self, observation: Array, trace: Array) -> Array:
-        """The ankles' angles; shape (B, m), [rad]; the DCM's errors go to `trace`."""
+    def step(self, observation: Array) -> Array:
+        """The ankles' angles; shape (B, m), [rad]."""
         position, velocity = self._feedback.read(self._tick, observation)
         error = position + velocity / self._omega
         there = np.isfinite(error)
@@ -108,5 +107,9 @@ class DcmAnkle:
         self._rate = np.where(there, rate, self._rate)
         self._error = np.where(there, error, self._error)
         self._tick += 1
-        trace[...] = error
+        self._shown = error
         return self._command
+
+    def store_trace(self, row: Array) -> None:
+        """Write the errors of the DCM; shape (B, n), [m]."""
+        row[...] = self._shown

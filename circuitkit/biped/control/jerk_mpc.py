@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from circuitkit.base.errors import DivergedError, MissingDependencyError
-from circuitkit.control.controller import Array
 from circuitkit.biped.gait.lipm import GRAVITY_M_S2
+from circuitkit.control.controller import Array
 
 OWN = "daqp"  # the solver that is called through its own interface, which keeps its factorisation
 _PURPOSE = "the controller kind wieber_mpc"

@@ -2,24 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from circuitkit.base.units import Unit, parse_unit
-from circuitkit.control.controller import Array
+from circuitkit.base.units import parse_unit
 from circuitkit.biped.control.reference import WalkReference
-
-
-@dataclass(frozen=True)
-class PlannedChannel:
-    """Something that is known of the walk beforehand.
-
-    Attributes:
-        unit: SI unit.
-        values: One a tick; shape (T,).
-    """
-
-    unit: Unit
-    values: Array
+from circuitkit.control import PlannedChannel
 
 
 def planned_channels(reference: WalkReference) -> dict[str, PlannedChannel]:

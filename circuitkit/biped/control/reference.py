@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.units import Unit
 from circuitkit.biped.gait import LEFT, LEG_JOINTS, LegGeometry, Walk
 from circuitkit.biped.gait.legs import support_leg_length
@@ -211,3 +212,15 @@ def _support(schedule: Schedule, ankles_m: Array, soles_m: Array) -> tuple[Array
     alone = ends[np.arange(len(foot)), foot]
     one = single[:, None]
     return np.where(one, alone[:, :, 0], low), np.where(one, alone[:, :, 1], high)
+
+
+def gait_knowledge(knowledge: object, controller: str) -> WalkReference:
+    """What the reference tells a controller that is made for walks.
+
+    Raises:
+        InputError: The reference is another.
+    """
+    if not isinstance(knowledge, WalkReference):
+        message = f"the controller '{controller}' builds on a walk; allowed: a scenario with reference: {{gait: NAME}} or stand"
+        raise InputError(Problem("", 0, 0, "controller", message))
+    return knowledge

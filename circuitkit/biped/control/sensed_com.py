@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from circuitkit.control.controller import Array
 from circuitkit.biped.control.reference import WalkReference
+from circuitkit.control.controller import Array
 
 AxisName = Literal["lateral", "sagittal"]
 

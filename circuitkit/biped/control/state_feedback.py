@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from circuitkit.control.controller import Array
 from circuitkit.biped.control.reference import WalkReference
 from circuitkit.biped.control.sensed_com import CommandAxis, SensedCom
+from circuitkit.control.controller import Array
 
 
 class Calibration(NamedTuple):

@@ -7,14 +7,13 @@ would want undisturbed becomes a lean of the ankles, the hips turning back.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import (
     Metres,
     PerSecondToTheSixth,
@@ -23,23 +22,22 @@ from circuitkit.base.source.fields import (
     Ratio,
     Seconds,
 )
-from circuitkit.control.controller import Array
 from circuitkit.biped.control.jerk_mpc import OWN, Jerk, JerkMpc
-from circuitkit.biped.control.reference import WalkReference
+from circuitkit.biped.control.reference import WalkReference, gait_knowledge
 from circuitkit.biped.control.sensed_com import AxisName, CommandAxis
 from circuitkit.biped.control.state_feedback import AngleFeedback, Calibration, ComFeedback
+from circuitkit.control import Array, ControllerSpec, Interface
 
 _TINY = 1e-6  # far below a step
 _LONGEST_S = 2.0  # the ZMPs as unknowns cost digits by e^(2 omega N T)
 _LOST_M = 0.2  # a DCM so far outside the soles is beyond all help: that robot's command stays
 
 
-class WieberMpcSpec(FileModel):
+class WieberMpcSpec(ControllerSpec):
     """A controller file of the kind `wieber_mpc`."""
 
-    controller: str = Field(description="Name.")
-    description: str = ""
-    kind: Literal["wieber_mpc"]
+    kind: ClassVar[str] = "wieber_mpc"
+
     axes: tuple[AxisName, ...] = Field(default=("lateral",), min_length=1)
     feedback: Literal["joint_angles", "com"] = Field(
         description="joint_angles: the support foot taken as flat, as NAO's own walk does; com: the true CoM."
@@ -96,14 +94,14 @@ class WieberMpcSpec(FileModel):
             raise ValueError(message)
         return self
 
-    def build(self, reference: WalkReference) -> WieberMpc:
+    def bind(self, interface: Interface) -> WieberMpc:
         """The controller for a walk.
 
         Raises:
             InputError: The preview's step is no multiple of the walk's control step.
             MissingDependencyError: The solver is not installed.
         """
-        return WieberMpc(self, reference)
+        return WieberMpc(self, gait_knowledge(interface.reference, self.controller))
 
 
 class WieberMpc:
@@ -132,12 +130,14 @@ class WieberMpc:
         """Start again, with `batch` robots."""
         self._tick = 0
         self._command = np.zeros((batch, len(self.commands)))
+        self._trace = np.zeros((batch, len(self.trace_names)))
         self._feedback.reset(batch)
         for pendulum in self._pendulums:
             pendulum.reset(batch)
 
-    def step(self, observation: Array, trace: Array) -> Array:
-        """The ankles' angles; shape (B, m), [rad]; what is wanted goes to `trace`."""
+    def step(self, observation: Array) -> Array:
+        """The ankles' angles; shape (B, m), [rad]."""
+        trace = self._trace
         thought = np.stack([pendulum.deviation() for pendulum in self._pendulums], axis=-1)
         position, velocity = self._feedback.correction(
             self._tick, observation, thought[0], thought[1], self._command
@@ -151,6 +151,10 @@ class WieberMpc:
             self._command[:, number] = np.where(there, sign * lean, self._command[:, number])
         self._tick += 1
         return self._command
+
+    def store_trace(self, row: Array) -> None:
+        """Write what is wanted of CoM and ZMP, an axis each; shape (B, n), [m]."""
+        row[...] = self._trace
 
 
 def _feedback(

@@ -131,6 +131,34 @@ def plan_walk(
     return _repeat(walk, rows, turns), None if extra is None else extra[rows]
 
 
+def plan_stand(
+    gait: GaitSpec,
+    legs: LegGeometry,
+    whole_body_zmp: Callable[[Walk], Array],
+    then: Callable[[Walk], Array],
+) -> tuple[Walk, Array]:
+    """Standing for as long as the gait stands before its first step, with the whole body's ZMP at the reference.
+
+    Args:
+        gait: The numbers; only those of standing count.
+        legs: The leg's lengths.
+        whole_body_zmp: See `plan_walk`.
+        then: See `plan_walk`; worked out for one tick.
+
+    Returns:
+        The walk, which does not move, and what `then` gave, shape (T, k).
+    """
+    schedule = plan_steps(gait, 0)
+    few = Schedule(**{name: getattr(schedule, name)[:3] for name in Schedule.__dataclass_fields__})
+    sway = few.zmp_m.copy()
+    walk = joint_angles(gait, few, sway, legs)
+    for _ in range(_PASSES):
+        sway = sway + _PELVIS_PER_COM * (few.zmp_m - whole_body_zmp(walk)[1])
+        walk = joint_angles(gait, few, sway, legs)
+    rows = np.ones(len(schedule.step), dtype=np.int64)
+    return Walk(gait, schedule, walk.pelvis_m[rows], walk.joints_rad[rows]), then(walk)[rows]
+
+
 def _periodic_rows(gait: GaitSpec, ticks: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For each tick of a long walk, its row in the computed one, and how many cycles it is further on."""
     lead = round(gait.stand / gait.control_step) + _LEAD_STEPS * gait.step_ticks

@@ -1,12 +1,11 @@
-"""For the eyes while it runs: a progress bar, and the viewer."""
+"""A run in MuJoCo's viewer."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from circuitkit.base.errors import CircuitkitError
@@ -21,25 +20,6 @@ _INSTEAD = "film it instead: -o DIR --video"
 
 class DisplayError(CircuitkitError):
     """There is no window to show the robot in."""
-
-
-@contextmanager
-def progress_bar(total: int, label: str, *, shown: bool) -> Iterator[Callable[[int], object] | None]:
-    """A bar on standard error, if it is a terminal; gives a function that takes how much is done."""
-    if not shown:
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    name, percent = TextColumn("{task.description}"), TextColumn("{task.percentage:3.0f} %")
-    with Progress(name, BarColumn(), percent, TimeRemainingColumn(), console=console, transient=True) as bar:
-        task = bar.add_task(label, total=total)
-        yield lambda done: bar.update(task, completed=done)
 
 
 def watch(result: Result) -> None:

@@ -1,0 +1,199 @@
+"""The references of a biped: a gait, and standing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.source import Document, FileModel
+from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
+from circuitkit.biped.control.planned import planned_channels
+from circuitkit.biped.control.reference import Body, walk_reference
+from circuitkit.biped.dynamics import BodyDynamics, generalised_positions, servo_targets
+from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
+from circuitkit.biped.gait.pattern import plan_stand
+from circuitkit.biped.gait.schedule import Schedule, plan_steps
+from circuitkit.biped.gait.spec import Lift, Window, ZmpReference
+from circuitkit.biped.robot import BipedBody, biped_of
+from circuitkit.control import Array
+from circuitkit.robots import RobotModel
+from circuitkit.simulation.reference import Moment, Motion, Reference
+from circuitkit.simulation.scenario import beside as file_beside
+
+
+class GaitMoment(FileModel):
+    """A moment of a gait."""
+
+    step: int = Field(ge=0, description="Number of the step, from 0; the left foot carries the even ones.")
+    phase: Literal["transfer", "lift", "extend"] = Field(description="Movement of that step.")
+    at: Ratio = Field(ge=0, le=1, description="How far into the movement.")
+
+
+class GaitReference(Reference):
+    """A walk, planned for the whole body; brings `planned_com_*`, and pushes inward and outward."""
+
+    kind: ClassVar[str] = "gait"
+    settings = str
+
+    def __init__(self, gait: GaitSpec) -> None:
+        """Take the numbers of a walk."""
+        self.gait = gait
+        self.name = gait.gait
+        self.step_s = gait.control_step
+
+    @classmethod
+    def read(cls, value: str, beside: Document) -> GaitReference:
+        """Read a gait file."""
+        return cls(load_gait(file_beside(value, beside)))
+
+    def moment(self, where: Mapping[str, Any], duration_s: float) -> Moment:
+        """When a movement of a step is so far, and which way is inward then.
+
+        Raises:
+            InputError: The walk is over before, or the words are others.
+        """
+        start = _moment(where)
+        gait = self.gait
+        ticks = round(duration_s / gait.control_step)
+        schedule = _schedule(gait, ticks)
+        phase = PHASES.index(start.phase)
+        first_step = plan_steps(gait, 1)
+        moment = start.at * np.count_nonzero(first_step.phase == phase)
+        found = np.flatnonzero((schedule.step == start.step) & (schedule.phase == phase))
+        if len(found) == 0 or moment > len(found):
+            whole = (ticks - np.count_nonzero(first_step.step < 0)) // gait.step_ticks
+            steps = f"steps 0 to {whole - 1}, or " if whole > 0 else ""
+            message = f"found step {start.step}, and the walk ends before that '{start.phase}'; allowed: {steps}a longer duration"
+            raise InputError(Problem("", 0, 0, "start", message))
+        return Moment(float(found[0] + moment) * gait.control_step, _directions(int(schedule.support[found[0]])))
+
+    def at(self, time_s: float) -> Moment:
+        """The moment at a time, and which way is inward then."""
+        tick = round(time_s / self.gait.control_step)
+        support = int(_schedule(self.gait, tick + 1).support[tick])
+        return Moment(time_s, _directions(support) if support >= 0 else {})
+
+    def motion(self, robot: RobotModel, ticks: int, step_s: float) -> Motion:
+        """A walk that is right for this robot's whole body, and what to send to its servos.
+
+        Raises:
+            InputError: The robot is no biped, or the control steps differ.
+            SimulationError: A leg cannot reach its foot.
+        """
+        if step_s != self.gait.control_step:
+            found = f"found a control step of {step_s * 1e3:g} ms"
+            message = f"{found}; allowed: that of the gait, {self.gait.control_step * 1e3:g} ms"
+            raise InputError(Problem("", 0, 0, "control_step", message))
+        body = biped_of(robot)
+        dynamics = BodyDynamics(body)
+        walk, torques = plan_walk(
+            self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, dynamics.torques
+        )
+        return _motion(robot, body, walk, np.zeros((ticks, len(body.servos))) if torques is None else torques)
+
+
+class StandSpec(FileModel):
+    """How a biped stands."""
+
+    knee: Radians = Field(default=float(np.radians(33.0)), gt=0, lt=2, description="Knee pitch.")
+    forward: Metres = Field(default=0.0, description="The ZMP ahead of the ankles.")
+    com_height: Metres = Field(default=0.27, gt=0, description="z_CoM of the pendulum, for controllers.")
+    control_step: Seconds = Field(default=0.01, gt=0, description="Time between two commands.")
+
+
+class StandReference(Reference):
+    """Stands on both feet, the whole body's ZMP between them; brings `planned_com_*`."""
+
+    kind: ClassVar[str] = "stand"
+    settings = StandSpec
+    name = "stand"
+
+    def __init__(self, spec: StandSpec | None = None) -> None:
+        """Take the numbers."""
+        self.spec = StandSpec() if spec is None else spec
+        self.step_s = self.spec.control_step
+
+    @classmethod
+    def read(cls, value: StandSpec, beside: Document) -> StandReference:  # noqa: ARG003 - names no file
+        """Take the numbers."""
+        return cls(value)
+
+    def motion(self, robot: RobotModel, ticks: int, step_s: float) -> Motion:  # noqa: ARG002 - has its own
+        """The posture that stands.
+
+        Raises:
+            InputError: The robot is no biped.
+            SimulationError: A leg cannot reach its foot.
+        """
+        spec, body = self.spec, biped_of(robot)
+        gait = GaitSpec(
+            gait="stand", pattern="three_movements", control_step=spec.control_step,
+            double_support=5 * spec.control_step, single_support=50 * spec.control_step, step_length=0.0,
+            stand=ticks * spec.control_step, knee=spec.knee, com_height=spec.com_height,
+            zmp=ZmpReference(forward=spec.forward, sideways=body.block.legs.hip_offset_y),
+            lift=Lift(start=0.0, end=1.0, height=0.0), swing=Window(start=0.2, end=0.8),
+        )  # fmt: skip
+        dynamics = BodyDynamics(body)
+        walk, torques = plan_stand(gait, body.block.legs.geometry(), dynamics.zmp, dynamics.torques)
+        return _motion(robot, body, walk, torques)
+
+
+def _motion(robot: RobotModel, body: BipedBody, walk: Walk, torques: Array) -> Motion:
+    knowledge = walk_reference(walk, known_body(robot, body))
+    return Motion(
+        targets=servo_targets(body, walk, torques),
+        start_qpos=generalised_positions(body, walk)[0],
+        planned=planned_channels(knowledge),
+        columns={"step": walk.schedule.step, "phase": walk.schedule.phase},
+        knowledge=knowledge,
+        pace_s=walk.gait.step_ticks * walk.gait.control_step,
+    )
+
+
+def known_body(robot: RobotModel, biped: BipedBody) -> Body:
+    """What a controller may know of the robot."""
+    block, roles = biped.block, biped.block.roles
+    soles = [getattr(block.feet, side).sole for side in SIDES]
+    extent = [[[sole.back, sole.front], [sole.right, sole.left]] for sole in soles]
+    ankle = [role if (role := f"left_ankle_{name}") in roles else "left_ankle_pitch" for name in ("pitch", "roll")]
+    servo = biped.leg_servo[[roles.index(role) for role in ankle]]
+    stiffness = biped.stiffness[servo]
+    damping = -robot.model.actuator_biasprm[biped.servos[servo], 2] * biped.gear[servo] ** 2
+    return Body(
+        biped.mass_kg, block.legs.geometry(), np.array(extent), stiffness, damping / stiffness,
+        robot.channel_units, robot.command_units,
+    )  # fmt: skip
+
+
+def _moment(where: Mapping[str, Any]) -> GaitMoment:
+    try:
+        return GaitMoment.model_validate_json(json.dumps(dict(where)), strict=True)
+    except ValidationError as error:
+        detail = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in detail["loc"])
+        found = f"found {key} {detail['input']!r}" if detail["type"] != "missing" else f"missing key '{key}'"
+        allowed = "a time such as 5 s, or {step: 8, phase: lift, at: 40 %} with a phase of transfer, lift, extend"
+        raise InputError(Problem("", 0, 0, f"start.{key}", f"{found}; allowed: {allowed}")) from error
+
+
+@lru_cache(maxsize=32)
+def _schedule(gait: GaitSpec, ticks: int) -> Schedule:
+    """The time plan of a walk of so many ticks; made once for all pushes."""
+    steps = max(ticks - round(gait.stand / gait.control_step), 0) // gait.step_ticks + 1
+    longer = plan_steps(gait, steps)
+    return Schedule(**{name: getattr(longer, name)[:ticks] for name in Schedule.__dataclass_fields__})
+
+
+def _directions(support: int) -> dict[str, Array]:
+    """Inward is towards the foot in the air, outward away from it."""
+    outward = 1.0 if support == LEFT else -1.0
+    return {"outward": np.array([0.0, outward, 0.0]), "inward": np.array([0.0, -outward, 0.0])}
+
+
+__all__ = ["GaitReference", "StandReference", "known_body"]
