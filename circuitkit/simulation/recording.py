@@ -121,10 +121,9 @@ class Recording:
         columns: dict[str, tuple[Array, str]] = {"time_s": (self.time_s, "s")}
         columns |= {name: (np.asarray(values, dtype=np.float64), "1") for name, values in plain.items()}
         columns["push_n"] = (self.push_n[:, robot], "N")
-        if self.robot.channels:
-            every = Observer(self.robot.channels, list(self.robot.channels))(self.readings[:, robot])
-            for i, channel in enumerate(self.robot.channels.values()):
-                columns[column_name(channel.name, channel.unit)] = (every[:, i], channel.unit.dimension.si_symbol)
+        for name, channel in self.robot.channels.items():
+            values = Observer(self.robot.channels, [name])(self.readings[:, robot])[:, 0]
+            columns[column_name(name, channel.unit)] = (values, channel.unit.dimension.si_symbol)
         for name, planned in self.motion.planned.items():
             columns[column_name(name, planned.unit)] = (planned.values[: self.ticks], planned.unit.dimension.si_symbol)
         for block in self.robot.blocks.values():

@@ -50,7 +50,8 @@ class Tracker:
         self._judge, self._effects, self._motion = judge, effects, motion
         self._step_s = step_s
         sensed = [name for name in judge.channels if name in robot.channels]
-        self._observer = Observer(robot.channels, sensed)
+        # One by one, so that no bit of a measure depends on what else is measured.
+        self._observers = [Observer(robot.channels, [name]) for name in sensed]
         self._place = {name: i for i, name in enumerate(sensed)}
         self._values = np.empty((ticks, batch, len(sensed)))
         self._commands = np.empty((ticks, batch, len(command_names)))
@@ -75,8 +76,8 @@ class Tracker:
         if len(readings) == 0:
             return newly
         begin, self.done = self.done, self.done + len(readings)
-        if self._place:
-            self._values[begin : self.done] = self._observer(readings)
+        for i, observer in enumerate(self._observers):
+            self._values[begin : self.done, :, i] = observer(readings)[..., 0]
         self._commands[begin : self.done] = commands
         if self._judge.until is None:
             return newly
