@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from circuitkit.cli.main import INTERRUPTED
 from circuitkit.cli.printing import note, print_json, print_table
 
 if TYPE_CHECKING:
+    from circuitkit.base.units import Unit
     from circuitkit.simulation.run import Result
 
 
@@ -40,7 +40,7 @@ def finish(
     if as_json:
         print_json(rows)
     else:
-        print_results(rows)
+        print_results(results)
         if output is not None:
             note(f"wrote {output}")
     for text in dict.fromkeys(result.backend for result in results if verbose and result.backend):
@@ -54,41 +54,53 @@ def finish(
         raise typer.Exit(INTERRUPTED)
 
 
-def print_results(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print verdicts.
-
-    Args:
-        rows: With the keys of the command line's JSON: "scenario", "controller", "seed", "push", "survived",
-            "time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s", "interrupted".
-    """
+def print_results(results: Sequence[Result]) -> None:
+    """Print one line a run: the outcome, and every measure in its unit."""
+    rows = [result.row() for result in results]
+    units: dict[str, Unit | None] = {}
+    for result in results:
+        units |= {name: result.recording.judge.units.get(name) for name in result.measures}
+    shown = [name for name in units if name not in _TOLD and any(row.get(name) is not None for row in rows)]
     print_table(
         ", ".join(dict.fromkeys(str(row["scenario"]) for row in rows)),
-        ("controller", ">seed", "push", "verdict", ">largest ZMP excursion", ">back inside after"),
+        ("controller", ">seed", "push", "outcome", *(f">{_heading(name, units[name])}" for name in shown)),
         (
             (
                 str(row["controller"]),
                 str(row["seed"]),
                 _push(row["push"]),
-                _verdict(row),
-                _scaled(row["max_zmp_excursion_m"], 1e3, "mm"),
-                _scaled(row["recovery_time_s"], 1.0, "s"),
+                result.outcome,
+                *(_measure(row.get(name), units[name]) for name in shown),
             )
-            for row in rows
+            for row, result in zip(rows, results, strict=True)
         ),
     )
 
 
-def _verdict(row: Mapping[str, Any]) -> str:
-    if not row["survived"]:
-        return f"fell at {row['time_of_fall_s']:.2f} s"
-    return "stood until interrupted" if row["interrupted"] else "stood"
+_TOLD = frozenset({"survived", "time_of_fall_s"})  # measures that the outcome tells
+
+
+def _heading(name: str, unit: Unit | None) -> str:
+    """The name of a measure without the unit at its end, which stands beside the number."""
+    ending = "" if unit is None else f"_{unit.symbol.replace('/', '_')}"
+    return name.removesuffix(ending).replace("_", " ") if ending != "_1" else name.replace("_", " ")
 
 
 def _push(push: Mapping[str, Any] | None) -> str:
     if push is None:
         return "none"
-    return f"{push['force_n']:g} N, {push['duration_s'] * 1e3:g} ms, {push['direction']}"
+    force = "torque" if push["force_n"] is None else f"{push['force_n']:g} N"
+    return f"{force}, {push['duration_s'] * 1e3:g} ms, {push['direction']}"
 
 
-def _scaled(value: float | None, factor: float, unit: str) -> str:
-    return "-" if value is None or math.isnan(value) else f"{value * factor:.3g} {unit}"
+def _measure(value: float | bool | None, unit: Unit | None) -> str:
+    """A value with its unit; lengths of less than a metre in millimetres."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if unit is None or unit.symbol == "1":
+        return f"{value:.3g}"
+    if unit.symbol in {"m", "m/s"} and abs(value) < 1:
+        return f"{value * 1e3:.3g} m{unit.symbol}"
+    return f"{value:.3g} {unit.symbol}"
