@@ -90,7 +90,6 @@ class Worlds:
         self._seeing = int(model.opt.disableflags)
         self._stepped: NDArray[np.int32] | None = None
         self.qpos[:] = start_qpos
-        self._ctrl[:] = targets[0]
 
     def begin(self) -> None:
         """Work out the readings at the start, once the state is what it shall be."""

@@ -9,7 +9,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
+from pydantic import ConfigDict, Field, InstanceOf, PrivateAttr, create_model, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError
 from circuitkit.base.source import (
@@ -72,8 +72,8 @@ def scenario_class() -> type[Scenario]:
     reference: Any = create_model("Reference", __base__=_ReferenceItem, **references)
     measure: Any = create_model("Measures", __base__=_Measures, **measures)
     fields: dict[str, Any] = {
-        "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
-        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls the robot, in order.")),
+        "reference": (reference | InstanceOf[Reference] | None, Field(default=None, description="What the commands are added to.")),
+        "disturbances": (tuple[item | InstanceOf[Disturbance], ...], Field(default=(), description="What befalls the robot, in order.")),
         "measures": (measure, Field(default=measure(), description="What is told of a run, by name.")),
     }
     return create_model("Scenario", __base__=Scenario, **fields)
@@ -121,17 +121,6 @@ class Scenario(FileModel):
         made = scenario_class() if cls is Scenario else cls
         return super().__new__(made)
 
-    def __init__(self, **data: Any) -> None:  # noqa: ANN401 - the fields
-        """Take values or objects for the fields; see the class."""
-        if isinstance(found := data.get("disturbances"), list | tuple):
-            data["disturbances"] = tuple({d.kind: d} if isinstance(d, Disturbance) else d for d in found)
-        if isinstance(reference := data.get("reference"), Reference):
-            data.pop("reference")
-            super().__init__(**data)
-            object.__setattr__(self, "reference", reference)
-            return
-        super().__init__(**data)
-
     @model_validator(mode="after")
     def _takes(self) -> Scenario:
         for key, kinds, allowed in (
@@ -149,7 +138,7 @@ class Scenario(FileModel):
     @cached_property
     def befalling(self) -> tuple[Disturbance, ...]:
         """The disturbances themselves."""
-        return tuple(item.disturbance for item in self.disturbances)
+        return tuple(each if isinstance(each, Disturbance) else each.disturbance for each in self.disturbances)
 
     @property
     def pushes(self) -> tuple[Push, ...]:
@@ -185,10 +174,7 @@ class Scenario(FileModel):
 
     def with_disturbances(self, disturbances: tuple[Disturbance, ...]) -> Scenario:
         """The same scenario with others."""
-        item = item_class()
-        changed = self.model_copy(
-            update={"disturbances": tuple(item(**{each.kind: each}) for each in disturbances)}
-        )
+        changed = self.model_copy(update={"disturbances": disturbances})
         changed.__dict__.pop("befalling", None)
         return changed
 
