@@ -9,7 +9,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, Field, InstanceOf, PrivateAttr, create_model, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError
 from circuitkit.base.source import (
@@ -72,14 +72,41 @@ def scenario_class() -> type[Scenario]:
     reference: Any = create_model("Reference", __base__=_ReferenceItem, **references)
     measure: Any = create_model("Measures", __base__=_Measures, **measures)
     fields: dict[str, Any] = {
-        "reference": (reference | InstanceOf[Reference] | None, Field(default=None, description="What the commands are added to.")),
-        "disturbances": (tuple[item | InstanceOf[Disturbance], ...], Field(default=(), description="What befalls the robot, in order.")),
+        "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
+        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls the robot, in order.")),
         "measures": (measure, Field(default=measure(), description="What is told of a run, by name.")),
     }
     return create_model("Scenario", __base__=Scenario, **fields)
 
 
-class Scenario(FileModel):
+class _TakesObjects(type(FileModel)):  # type: ignore[misc]  # pydantic's metaclass has no public name
+    """Lets Python make scenarios of objects; what comes from a file does not pass here."""
+
+    def __call__(cls, **data: Any) -> Any:  # noqa: ANN401 - the fields
+        """Make a scenario that knows all registered kinds."""
+        made = scenario_class() if cls is Scenario else cls
+        given = {key: _as_file(value) for key, value in data.items()}
+        reference = given.get("reference")
+        if isinstance(reference, Reference):
+            given.pop("reference")
+        scenario = super(_TakesObjects, made).__call__(**given)
+        if isinstance(reference, Reference):
+            object.__setattr__(scenario, "reference", reference)
+        return scenario
+
+
+def _as_file(value: Any) -> Any:  # noqa: ANN401 - any field
+    """A value as the models of files take it: tuples for lists, and each disturbance under its kind."""
+    if isinstance(value, Disturbance):
+        return {value.kind: value}
+    if isinstance(value, list | tuple):
+        return tuple(_as_file(each) for each in value)
+    if type(value) is dict:
+        return {key: each if isinstance(each, Disturbance) else _as_file(each) for key, each in value.items()}
+    return value
+
+
+class Scenario(FileModel, metaclass=_TakesObjects):
     """A simulation.
 
     Every field takes what a file may say, or, in Python, an object: a `Robot`, a `Controller`, a
@@ -116,11 +143,6 @@ class Scenario(FileModel):
 
     _document: Document = PrivateAttr(default=Document("", None, {}))
 
-    def __new__(cls, *args: Any, **kwargs: Any) -> Scenario:  # noqa: ANN401, ARG004 - pydantic's
-        """Make a scenario that knows all registered kinds."""
-        made = scenario_class() if cls is Scenario else cls
-        return super().__new__(made)
-
     @model_validator(mode="after")
     def _takes(self) -> Scenario:
         for key, kinds, allowed in (
@@ -138,7 +160,7 @@ class Scenario(FileModel):
     @cached_property
     def befalling(self) -> tuple[Disturbance, ...]:
         """The disturbances themselves."""
-        return tuple(each if isinstance(each, Disturbance) else each.disturbance for each in self.disturbances)
+        return tuple(item.disturbance for item in self.disturbances)
 
     @property
     def pushes(self) -> tuple[Push, ...]:
@@ -174,7 +196,10 @@ class Scenario(FileModel):
 
     def with_disturbances(self, disturbances: tuple[Disturbance, ...]) -> Scenario:
         """The same scenario with others."""
-        changed = self.model_copy(update={"disturbances": disturbances})
+        item = item_class()
+        changed = self.model_copy(
+            update={"disturbances": tuple(item(**{each.kind: each}) for each in disturbances)}
+        )
         changed.__dict__.pop("befalling", None)
         return changed
 

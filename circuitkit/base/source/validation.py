@@ -15,7 +15,6 @@ from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.source.document import Data, Document, Place
 from circuitkit.base.units import format_quantity, parse_quantity
 
-_OBJECT = "is_instance_of"  # what Python may pass, and a file cannot say
 _UNION_KINDS = (Union, types.UnionType)
 STRAY_TEXT = "inside braces, put a text that contains a comma in quotes"
 
@@ -148,7 +147,7 @@ def _as_written(detail: Any, data: Data, place: Place) -> Any:  # noqa: ANN401 -
 
 
 def _is_wrong_type(group: list[Any]) -> bool:
-    return all(detail["type"].endswith("_type") or detail["type"] == _OBJECT for detail in group)
+    return all(detail["type"].endswith("_type") for detail in group)
 
 
 def _finding(
@@ -176,8 +175,7 @@ def _found_and_allowed(group: list[Any]) -> tuple[str, str]:
     own_words = [detail for detail in group if detail["type"] in {"value_error", "assertion_error"}]
     if own_words:
         return str(own_words[0]["ctx"]["error"]), ""
-    in_files = [detail for detail in group if detail["type"] != _OBJECT] or group
-    allowed = list(dict.fromkeys(_allowed(detail) for detail in in_files))
+    allowed = list(dict.fromkeys(_allowed(detail) for detail in group))
     found = group[0]["input"]
     hint = ""
     if isinstance(found, str):
