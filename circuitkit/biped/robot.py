@@ -379,6 +379,18 @@ class BipedBody:
         """What is recorded beside the channels; shape (T, B) each."""
         return BipedView(recording).columns()
 
+    def figures(self, result: Any, summary: Any) -> dict[str, Any]:  # noqa: ANN401 - of packages that are above
+        """Figs. 9 and 10 of a run, by the name of their file."""
+        from circuitkit.biped.plots import biped_figures  # brings matplotlib
+
+        return biped_figures(result, summary)
+
+    def comparison(self, results: Any) -> Any:  # noqa: ANN401 - as above
+        """A picture of several runs side by side."""
+        from circuitkit.biped.plots import comparison_figure  # brings matplotlib
+
+        return comparison_figure(results)
+
     def commands(self) -> dict[str, Command]:
         """The commands of `COMMANDS` whose joints the robot has."""
         place = {role: i for i, role in enumerate(self.block.roles)}

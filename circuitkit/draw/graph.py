@@ -52,15 +52,15 @@ def draw_circuit(graph: CircuitGraph, path: str | Path) -> None:
     write(make_network(graph), Path(path))
 
 
-def circuit_figure(network: Network) -> Figure:
+def circuit_figure(network: Network, *, with_legend: bool = True) -> Figure:
     """The picture as a matplotlib figure, as large as the circuit asks for."""
     layout = arrange(network)
     legend = make_legend(layout)
-    width = max(layout.width, legend.width) + 2 * _MARGIN
+    width = max(layout.width, legend.width if with_legend else 0.0) + 2 * _MARGIN
     above = max([0.0, *(-label.box.top for label in layout.labels)])  # words on the uppermost line
     below = max([0.0, *(label.box.bottom - layout.height for label in layout.labels)])
     drawn = above + layout.height + below
-    height = drawn + _LEGEND_GAP + legend.height + 2 * _MARGIN
+    height = drawn + (_LEGEND_GAP + legend.height if with_legend else 0.0) + 2 * _MARGIN
     with house_style():
         figure = new_figure(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -68,8 +68,9 @@ def circuit_figure(network: Network) -> Figure:
         axes.set(xlim=(0.0, width), ylim=(height, 0.0))
         left = (width - layout.width) / 2
         _paint(axes, layout, (left, _MARGIN + above))
-        legend_at = ((width - legend.width) / 2, _MARGIN + drawn + _LEGEND_GAP)
-        _paint_legend(axes, legend, legend_at)
+        if with_legend:
+            legend_at = ((width - legend.width) / 2, _MARGIN + drawn + _LEGEND_GAP)
+            _paint_legend(axes, legend, legend_at)
     return figure
 
 

@@ -79,10 +79,10 @@ def comparison_figure(results: Sequence[Result]) -> Figure:
             return figure
     longest = max(results, key=lambda result: result.recording.ticks)
     panels = []
-    for name, unit in _of_interest(results).items():
-        scale, shown = _scale(np.concatenate([_values(r, name) for r in results]), unit)
+    for name, unit in channels_of_interest(results).items():
+        scale, shown = shown_unit(np.concatenate([values_of(r, name) for r in results]), unit)
         lines = [
-            Line(result.recording.controller, _padded(_values(result, name) / scale, longest), CYCLE[i % len(CYCLE)],
+            Line(result.recording.controller, _padded(values_of(result, name) / scale, longest), CYCLE[i % len(CYCLE)],
                  DASHES[i % len(DASHES)])
             for i, result in enumerate(results)
         ]  # fmt: skip
@@ -150,15 +150,15 @@ def _panels(result: Result) -> list[Panel]:
     """What the controller read and what was measured, by unit; and what it wrote."""
     groups: dict[str, list[tuple[str, Unit]]] = {}
     commands = set(result.recording.command_names)
-    for name, unit in _of_interest([result]).items():
+    for name, unit in channels_of_interest([result]).items():
         if name not in commands:
             groups.setdefault(unit.dimension.si_symbol, []).append((name, unit))
     panels = []
     for group in groups.values():
         for start in range(0, len(group), _MOST_LINES):
             part = group[start : start + _MOST_LINES]
-            values = {name: _values(result, name) for name, _ in part}
-            scale, shown = _scale(np.concatenate(list(values.values())), part[0][1])
+            values = {name: values_of(result, name) for name, _ in part}
+            scale, shown = shown_unit(np.concatenate(list(values.values())), part[0][1])
             lines = [Line(name, array / scale) for name, array in values.items()]
             one = part[0][0] if len(part) == 1 else "channels"
             panels.append(Panel(f"{one} [{shown}]", lines if len(part) > 1 else [Line("", lines[0].values)]))
@@ -175,13 +175,13 @@ def _command_panels(result: Result) -> list[Panel]:
         for start in range(0, len(names), _MOST_LINES):
             part = names[start : start + _MOST_LINES]
             unit = recording.robot.commands[part[0]].unit
-            lines = [Line(name if len(part) > 1 else "", _values(result, name) / unit.scale) for name in part]
+            lines = [Line(name if len(part) > 1 else "", values_of(result, name) / unit.scale) for name in part]
             label = part[0] if len(part) == 1 else "commands"
             panels.append(Panel(f"{label} [{unit}]", lines, height=1.1))
     return panels
 
 
-def _of_interest(results: Sequence[Result]) -> dict[str, Unit]:
+def channels_of_interest(results: Sequence[Result]) -> dict[str, Unit]:
     """Channels that a controller reads or a measure needs, and commands, with their units."""
     recording = results[0].recording
     units = {name: planned.unit for name, planned in recording.motion.planned.items()}
@@ -195,7 +195,7 @@ def _of_interest(results: Sequence[Result]) -> dict[str, Unit]:
     return {name: units[name] for name in names if name in units}
 
 
-def _values(result: Result, name: str) -> Array:
+def values_of(result: Result, name: str) -> Array:
     recording = result.recording
     if name in recording.command_names:
         return recording.command(name)[:, 0]
@@ -208,7 +208,7 @@ def _padded(values: Array, longest: Result) -> Array:
     return np.concatenate([values, np.full(longest.recording.ticks - len(values), np.nan)])
 
 
-def _scale(values: Array, unit: Unit) -> tuple[float, str]:
+def shown_unit(values: Array, unit: Unit) -> tuple[float, str]:
     """A unit in which values are easy to read: angles in degrees, small lengths in millimetres."""
     symbol = unit.dimension.si_symbol
     small = float(np.nanmax(np.abs(values), initial=0.0)) < 1

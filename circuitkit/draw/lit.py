@@ -1,0 +1,152 @@
+"""The picture of a circuit lit by its neurons' activity, frame by frame, from the drawing that `draw_circuit` makes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.circuit.graph import CircuitGraph
+from circuitkit.draw.graph import circuit_figure
+from circuitkit.draw.layers import directed_links
+from circuitkit.draw.marks import line_ids, node_id
+from circuitkit.draw.network import Network, make_network
+from circuitkit.draw.style import KIND_COLOUR, house_style
+
+_POINTS_PER_INCH = 72.0
+_FAINT = 0.28  # opacity of a line that carries nothing
+_MOST_PARTS = 160  # each is drawn once by itself; of larger circuits only the neurons light up
+_DARK = 110.0  # on a darker ground words are white
+_SEEN = 0.02  # a lesser activity is not seen
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the drawing that can be lit.
+
+    Attributes:
+        source: The node whose activity lights it.
+        rows: Where it lies in the picture.
+        columns: The same.
+        cover: How far it covers each pixel; shape (h, w, 1).
+        colour: When it is fully lit; shape (3,).
+    """
+
+    source: str
+    rows: slice
+    columns: slice
+    cover: NDArray[np.float32]
+    colour: NDArray[np.float32]
+
+
+class LitNetwork:
+    """A circuit's picture, of a size, whose neurons and lines are the stronger the more active a neuron is.
+
+    Attributes:
+        boxes: Middle and lower edge of each input and output in the picture, [pixels].
+        members: The member names of each population.
+    """
+
+    def __init__(self, graph: CircuitGraph, width: int, height: int) -> None:
+        """Draw the circuit once, and each of its parts alone, into at most so many pixels."""
+        network = make_network(graph)
+        self.members = {
+            each.name: [f"{each.name}[{i}]" for i in range(each.size)] for each in graph.populations
+        }
+        with house_style():
+            figure = circuit_figure(network, with_legend=False)
+            inches = figure.get_size_inches()
+            dpi = min(width / inches[0], height / inches[1])
+            figure.set_dpi(dpi)
+            self._parts, self._still, self._words = _layers(figure, network)
+        ends = [node for node in network.nodes if node.role in {"input", "output"}]
+        artists = {artist.get_gid(): artist for artist in figure.axes[0].patches}
+        self.boxes = {}
+        for node in ends:
+            box = artists[node_id(node.name)].get_window_extent()
+            self.boxes[node.name] = ((box.x0 + box.x1) / 2, self._still.shape[0] - box.y0)
+
+    def picture(self, activity: Mapping[str, float]) -> Image:
+        """The picture under some activity by neuron; 1 is full. Shape (height, width, 3)."""
+        shares = {name: min(max(value, 0.0), 1.0) for name, value in activity.items() if np.isfinite(value)}
+        for name, members in self.members.items():
+            known = [shares[each] for each in members if each in shares]
+            if known:
+                shares[name] = sum(known) / len(known)
+        image = self._still.copy()
+        for part in self._parts:
+            share = shares.get(part.source, 0.0)
+            if share > _SEEN:
+                view = image[part.rows, part.columns]
+                view += part.cover * share * (part.colour - view)
+        dark = image.mean(axis=2, keepdims=True) < _DARK
+        image += self._words * (np.where(dark, np.float32(255.0), np.float32(20.0)) - image)
+        return image.clip(0, 255).astype(np.uint8)
+
+
+def _layers(figure: Any, network: Network) -> tuple[list[_Part], NDArray[np.float32], NDArray[np.float32]]:  # noqa: ANN401 - a figure
+    """What can be lit, the picture at rest, and how far words cover each pixel."""
+    axes = figure.axes[0]
+    patches, texts = list(axes.patches), list(axes.texts)
+    by_id: dict[str, list[Any]] = {}
+    for patch in patches:
+        by_id.setdefault(patch.get_gid() or "", []).append(patch)
+    wanted: list[tuple[str, str, list[Any]]] = []
+    for node in network.nodes:
+        if node.role in KIND_COLOUR:
+            wanted.append((node.name, KIND_COLOUR[node.role], by_id.get(node_id(node.name), [])))
+    lines = []
+    for link in directed_links(network):
+        drawn = [patch for name in line_ids(link) for patch in by_id.get(name, [])]
+        lines.append((link.source, KIND_COLOUR[link.kind], drawn))
+    chosen = [*lines, *wanted] if len(lines) + len(wanted) <= _MOST_PARTS else wanted
+    for text in texts:
+        text.set_visible(False)
+    parts = [part for each in chosen if (part := _part(figure, patches, *each)) is not None]
+    for patch in patches:
+        patch.set_visible(True)
+    for _, _, drawn in lines:
+        for patch in drawn:
+            patch.set_alpha(_FAINT)
+    still = _drawn(figure)
+    for patch in patches:
+        patch.set_visible(False)
+    for text in texts:
+        text.set_visible(True)
+    words = 1.0 - _drawn(figure).min(axis=2, keepdims=True) / 255.0
+    return parts, still, words.astype(np.float32)
+
+
+def _part(figure: Any, patches: list[Any], source: str, colour: str, drawn: list[Any]) -> _Part | None:  # noqa: ANN401 - a figure
+    """One part drawn alone in black on white: how far it covers each pixel."""
+    if not drawn:
+        return None
+    for patch in patches:
+        patch.set_visible(False)
+    kept = []
+    for patch in drawn:
+        kept.append((patch, patch.get_edgecolor(), patch.get_facecolor()))
+        patch.set_visible(True)
+        patch.set_edgecolor("black")
+        if patch.get_fill():
+            patch.set_facecolor("black")
+    cover = 1.0 - _drawn(figure).min(axis=2, keepdims=True) / 255.0
+    for patch, edge, face in kept:
+        patch.set_edgecolor(edge)
+        patch.set_facecolor(face)
+    rows, columns = (np.flatnonzero(cover[..., 0].any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return None
+    where = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.float32)
+    return _Part(source, *where, cover[where].astype(np.float32), rgb)
+
+
+def _drawn(figure: Any) -> NDArray[np.float32]:  # noqa: ANN401 - a figure
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(np.float32)

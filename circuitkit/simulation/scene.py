@@ -1,0 +1,235 @@
+"""The robot of a recording in its recorded poses, as a camera sees it, with pushes as arrows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from circuitkit.control import Array
+from circuitkit.robots import RobotModel
+from circuitkit.simulation.recording import Recording
+from circuitkit.simulation.renderer import Screen
+from circuitkit.simulation.summary import PushSpan
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+LIGHT = np.array([-0.08, 0.5, -1.0])  # where the light goes
+ARROW_RGBA = np.array([0.86, 0.09, 0.07, 1.0], dtype=np.float32)
+FILM_CAMERA = "film"  # a camera of this name in the MJCF is the one that films
+
+_FOLLOW_S = 1.0  # a following camera goes where the robot is on average over so long
+_FINENESS = 2  # drawn so much larger and then reduced: smoother and faster than the renderer's own smoothing
+_AZIMUTH_DEG, _ELEVATION_DEG = 148.0, -12.0  # from the robot's front right
+_SIZES_AWAY = 1.75  # the camera is so many sizes of the robot away
+_ARROW_SIZES = 0.45  # a push's arrow, in sizes of the robot
+_FAR_SIZES = 6.0
+
+
+def film_model(robot: RobotModel, width: int = 640, height: int = 480) -> mujoco.MjModel:
+    """The robot's MJCF with all its looks; sky, light and a checkered ground where it has none of its own.
+
+    Args:
+        robot: The robot.
+        width: Of the largest picture, [pixels].
+        height: Of the largest picture, [pixels].
+    """
+    spec = mujoco.MjSpec.from_file(str(robot.robot.mjcf_path))
+    if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
+        _add_sky(spec)
+    planes = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE and not geom.material]
+    if planes:
+        _add_checks(spec)
+        for plane in planes:
+            plane.material = "circuitkit ground"
+            plane.rgba = [1.0, 1.0, 1.0, 1.0]
+    if not len(spec.lights):
+        kind = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        spec.worldbody.add_light(type=kind, dir=LIGHT, castshadow=True, diffuse=[0.42] * 3)
+        head = spec.visual.headlight
+        head.ambient, head.diffuse, head.specular = [0.42] * 3, [0.26] * 3, [0.1] * 3
+    visual = spec.visual
+    visual.global_.offwidth, visual.global_.offheight = width, height
+    visual.quality.offsamples = 0
+    visual.quality.shadowsize = 1024
+    for key in spec.keys:
+        key.ctrl = []
+    return spec.compile()
+
+
+def _add_sky(spec: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
+    spec.add_texture(
+        name="circuitkit sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=128, height=768,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, rgb1=[0.62, 0.74, 0.87], rgb2=[0.94, 0.96, 0.98],
+    )  # fmt: skip
+
+
+def _add_checks(spec: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
+    spec.add_texture(
+        name="circuitkit ground", type=mujoco.mjtTexture.mjTEXTURE_2D, width=256, height=256,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER, rgb1=[0.86, 0.87, 0.88], rgb2=[0.74, 0.76, 0.78],
+    )  # fmt: skip
+    material = spec.add_material(
+        name="circuitkit ground", texrepeat=[5, 5], texuniform=True, specular=0, shininess=0, emission=0.05
+    )
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "circuitkit ground"
+
+
+class ReplayModel:
+    """One robot of a recording, which can be put into its poses.
+
+    Attributes:
+        model: Its looks.
+        data: Its pose.
+        centre_m: Where it is by and large, for a camera to follow; shape (T, 3).
+        size_m: How large it is.
+        fixed_camera: Number of the MJCF's camera that films; -1 if one follows.
+    """
+
+    def __init__(self, recording: Recording, robot: int = 0, width: int = 640, height: int = 480) -> None:
+        """Make it; it can be drawn in pictures of up to a size, [pixels]."""
+        recorded = recording.robot.model
+        self.model = film_model(recording.robot, width, height)
+        self.data = mujoco.MjData(self.model)
+        self._qpos = recording.qpos[:, robot]
+        self._bodies = [self.model.body(recorded.body(i).name).id if recorded.body(i).name else i for i in range(recorded.nbody)]
+        self.fixed_camera = _film_camera(self.model)
+        base = recording.robot.base
+        self._body = int(recorded.jnt_bodyid[base]) if base is not None else _heaviest(recorded)
+        self.stand(0)
+        self.size_m = _size(self.model, self.data, self._body)
+        self.centre_m = self._centres(round(_FOLLOW_S / recording.step_s))
+
+    def stand(self, tick: int) -> None:
+        """Take the pose after a tick."""
+        self.data.qpos[:] = self._qpos[tick]
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_tendon(self.model, self.data)
+
+    def _centres(self, window: int) -> Array:
+        path = np.empty((len(self._qpos), 3))
+        for tick in range(len(path)):
+            self.data.qpos[:] = self._qpos[tick]
+            mujoco.mj_kinematics(self.model, self.data)
+            path[tick] = self.data.xipos[self._body]
+        return _followed(path, window)
+
+    def arrow(self, push: PushSpan) -> tuple[Array, Array]:
+        """Tail and tip of a push's arrow: it points at where the push acts and ends on the surface."""
+        direction = push.force / push.size_n
+        far = _FAR_SIZES * self.size_m
+        start = self.data.xipos[self._bodies[push.body]] + push.point_m - far * direction
+        hit = np.zeros(1, dtype=np.int32)
+        away = mujoco.mj_ray(self.model, self.data, start, direction, None, 0, -1, hit)
+        tip: Array = start + (away if 0 <= away <= far else far) * direction
+        return tip - _ARROW_SIZES * self.size_m * direction, tip
+
+
+def _film_camera(model: mujoco.MjModel) -> int:
+    names = [model.camera(i).name for i in range(model.ncam)]
+    return names.index(FILM_CAMERA) if FILM_CAMERA in names else -1
+
+
+def _heaviest(model: mujoco.MjModel) -> int:
+    """Without a free base: the child of the world that carries most."""
+    bodies = [i for i in range(1, model.nbody) if int(model.body_parentid[i]) == 0]
+    return max(bodies, key=lambda i: float(model.body_subtreemass[i]), default=0)
+
+
+def _size(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
+    """How far the parts of a body and what it carries reach from its centre, twice."""
+    geoms = [g for g in range(model.ngeom) if int(model.body_rootid[model.geom_bodyid[g]]) == int(model.body_rootid[body])]
+    moving = [g for g in geoms if int(model.geom_bodyid[g]) > 0] or geoms
+    if not moving:
+        return 1.0
+    away = np.linalg.norm(data.geom_xpos[moving] - data.xipos[body], axis=1) + model.geom_rbound[moving]
+    return float(2 * away.max())
+
+
+def place_camera(camera: mujoco.MjvCamera, replay: ReplayModel, tick: int) -> None:
+    """Use the MJCF's own camera, or look at the robot from its front right, so that pushes go across the picture."""
+    if replay.fixed_camera >= 0:
+        camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        camera.fixedcamid = replay.fixed_camera
+        return
+    camera.azimuth, camera.elevation = _AZIMUTH_DEG, _ELEVATION_DEG
+    camera.distance = _SIZES_AWAY * replay.size_m
+    camera.lookat[:] = replay.centre_m[tick]
+
+
+class CameraScene:
+    """Pictures of one robot of a recording, tick by tick."""
+
+    def __init__(self, recording: Recording, width: int, height: int, robot: int = 0) -> None:
+        """Set everything up for pictures of a size, [pixels].
+
+        Raises:
+            RendererError: There is no off-screen renderer.
+        """
+        self._size = (width, height)
+        large = (width * _FINENESS, height * _FINENESS)
+        self.replay = ReplayModel(recording, robot, *large)
+        self._camera = mujoco.MjvCamera()
+        mujoco.mjv_defaultFreeCamera(self.replay.model, self._camera)
+        self._screen = Screen(self.replay.model, *large)
+
+    def picture(self, tick: int, push: PushSpan | None = None) -> Image.Image:
+        """The robot after a tick, with the arrow of a push if there is one."""
+        from PIL import Image  # an extra
+
+        self.replay.stand(tick)
+        place_camera(self._camera, self.replay, tick)
+        self._screen.look(self.replay.data, self._camera)
+        if push is not None:
+            add_arrow(self._screen.scene, *self.replay.arrow(push), self.replay.size_m)
+        return Image.fromarray(self._screen.draw()).reduce(_FINENESS)
+
+    def beside_arrow(self, push: PushSpan) -> tuple[float, float]:
+        """Where in the last picture the arrow of a push begins; from the left and from the top, [pixels]."""
+        camera = self._screen.scene.camera[0]
+        away = self.replay.arrow(push)[0] - camera.pos
+        depth = max(float(np.dot(away, camera.forward)), 1e-6)
+        right = np.cross(camera.forward, camera.up)
+        scale = self._size[1] / (camera.frustum_top - camera.frustum_bottom) * camera.frustum_near / depth
+        across, upward = float(np.dot(away, right)), float(np.dot(away, camera.up))
+        return self._size[0] / 2 + across * scale, self._size[1] / 2 - upward * scale
+
+    def close(self) -> None:
+        """Give the renderer back."""
+        self._screen.close()
+
+
+def add_arrow(scene: mujoco.MjvScene, tail: Array, tip: Array, size_m: float = 0.6) -> None:
+    """Add an arrow to a scene, as thick as it suits a robot of a size.
+
+    Of cylinders, for MuJoCo 4.0 draws its own arrows half as long as they are.
+    """
+    shaft, wide, head, rings = 0.018 * size_m, 0.05 * size_m, 0.1 * size_m, 14
+    direction = (tip - tail) / np.linalg.norm(tip - tail)
+    neck = tip - head * direction
+    if np.dot(neck - tail, direction) > 0:
+        _add_cylinder(scene, tail, neck, shaft)
+    for ring in range(rings):
+        begin, end = (neck + head * (ring + more) / rings * direction for more in (0, 1))
+        _add_cylinder(scene, begin, end, wide * (1 - (ring + 0.5) / rings))
+
+
+def _add_cylinder(scene: mujoco.MjvScene, begin: Array, end: Array, radius_m: float) -> None:
+    part, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CYLINDER
+    mujoco.mjv_initGeom(part, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), ARROW_RGBA)
+    mujoco.mjv_connector(part, kind, radius_m, begin, end)
+    part.emission = 0.4
+    scene.ngeom += 1
+
+
+def _followed(path: Array, window: int) -> Array:
+    """The mean over a window of ticks around each tick; shape (T, 3)."""
+    half = max(window // 2, 1)
+    padded = np.concatenate([np.repeat(path[:1], half, axis=0), path, np.repeat(path[-1:], half, axis=0)])
+    total = np.cumsum(np.concatenate([np.zeros((1, path.shape[1])), padded]), axis=0)
+    mean: Array = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
+    return mean
