@@ -83,7 +83,7 @@ def separate_bands(
     for layer in order:  # those without bands go along with what they stand beside
         free = [item for item in layer if item not in bands]
         for item, level in zip(
-            free, _spread(free, heights, reach, gap, before, after[0], stretch), strict=True
+            free, _drawn_out(free, heights, reach, gap, before, after[0], stretch), strict=True
         ):
             moved[item] = level
     top = min(moved[item] - reach[item][0] for item in moved)
@@ -95,7 +95,7 @@ def _span(heights: Mapping[Item, float], bands: Mapping[Item, int]) -> tuple[flo
     return min(levels), max(levels)
 
 
-def _spread(
+def _drawn_out(
     layer: Sequence[Item],
     heights: Mapping[Item, float],
     reach: Mapping[Item, tuple[float, float]],

@@ -133,13 +133,13 @@ def _colours(elements: Sequence[Element], kept: frozenset[str]) -> dict[str, int
         name: hash(name) if name in kept else hash((node.kind, _content(node)))
         for name, node in nodes.items()
     }
-    edges = [(each.ends, hash((each.kind, _content(each)))) for each in elements if each.ends]
+    edges = [(each.endpoints, hash((each.kind, _content(each)))) for each in elements if each.endpoints]
     for _ in range(_ROUNDS):
         around: dict[str, list[tuple[int, ...]]] = {name: [] for name in nodes if name not in kept}
-        for ends, content in edges:
-            for place, end in enumerate(ends):
+        for endpoints, content in edges:
+            for place, end in enumerate(endpoints):
                 if end in around:
-                    around[end].append((place, content, *(colour[each] for each in ends)))
+                    around[end].append((place, content, *(colour[each] for each in endpoints)))
         colour |= {name: hash((colour[name], *sorted(each))) for name, each in around.items()}
     return colour
 

@@ -1,4 +1,4 @@
-"""A circuit taken apart: every node, synapse, parameter and model with its values, to compare and to tell."""
+"""A circuit taken apart: each node, synapse, parameter and model with its values, to compare and explain."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ class Element:
             "projection" or "readout".
         title: Its name; `q1 -> p1` for a synapse; empty for the circuit.
         fields: Its values by name, with their unit.
-        ends: The nodes that it joins; empty for a node.
+        endpoints: The nodes that it joins; empty for a node.
         naming: Fields that name other nodes.
     """
 
     kind: str
     title: str
     fields: Fields
-    ends: tuple[str, ...] = ()
+    endpoints: tuple[str, ...] = ()
     naming: frozenset[str] = field(default=frozenset(("gate",)))
 
 
@@ -111,14 +111,14 @@ class Weights:
         self._inputs = {node.name: node.unit for node in graph.inputs}
         self._activation = {node.name: node.activation_unit for node in _neurons(graph)}
 
-    def ends(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
+    def endpoint_units(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
         """The units of the target's activation and of the source."""
         source = self._inputs.get(edge.source, DIMENSIONLESS)
         return self._activation[_node_of(edge.target)], source
 
     def text(self, edge: Synapse | Projection, weights: PerMember) -> str:
         """Weights in SI units, or in the target's if they are tiny otherwise."""
-        target, source = self.ends(edge)
+        target, source = self.endpoint_units(edge)
         unit = edge.model.weight.dimension(target.dimension, source.dimension).si_unit
         largest = abs(weights) if isinstance(weights, float | int) else float(abs(weights).max(initial=0.0))
         is_tiny = 0 < largest < _TINY and target.dimension == unit.dimension
@@ -205,19 +205,19 @@ def _edges(graph: CircuitGraph, called: Callable[[str], str]) -> Iterator[Elemen
     edges: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for edge in edges:
         kind = "synapse" if isinstance(edge, Synapse) else "projection"
-        ends = called(edge.source), called(edge.target)
-        fields = _edge_fields(edge, *weights.ends(edge))
+        endpoints = called(edge.source), called(edge.target)
+        fields = _edge_fields(edge, *weights.endpoint_units(edge))
         if edge.gate:
             fields["gate"] = (called(edge.gate), None)
-        seen[kind, *ends] += 1
-        number = seen[kind, *ends]
-        title = " -> ".join(ends) + (f" ({number})" if number > 1 else "")
-        yield Element(kind, title, fields, tuple(map(_node_of, ends)))
+        seen[kind, *endpoints] += 1
+        number = seen[kind, *endpoints]
+        title = " -> ".join(endpoints) + (f" ({number})" if number > 1 else "")
+        yield Element(kind, title, fields, tuple(map(_node_of, endpoints)))
     for output in graph.outputs:
         for name, weight in output.readout:
-            ends = called(name), called(output.name)
+            endpoints = called(name), called(output.name)
             fields = {"weight": (weight, output.unit)}
-            yield Element("readout", " -> ".join(ends), fields, tuple(map(_node_of, ends)))
+            yield Element("readout", " -> ".join(endpoints), fields, tuple(map(_node_of, endpoints)))
 
 
 def _node_of(name: str) -> str:

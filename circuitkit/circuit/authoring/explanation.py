@@ -118,11 +118,11 @@ def explain(graph: CircuitGraph, name: str) -> Explanation:
     if base not in nodes:
         kind = "neuron"
         raise UnknownNameError(kind, name, nodes)
-    ends = _Ends(graph, base, name, index)
-    return Explanation(name, nodes[base], index, tuple(ends.incoming()), tuple(ends.outgoing()))
+    found = _Neighbours(graph, base, name, index)
+    return Explanation(name, nodes[base], index, tuple(found.incoming()), tuple(found.outgoing()))
 
 
-class _Ends:
+class _Neighbours:
     """Looks for the synapses of one node or member."""
 
     def __init__(self, graph: CircuitGraph, base: str, name: str, index: int | None) -> None:

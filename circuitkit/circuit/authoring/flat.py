@@ -33,7 +33,7 @@ from circuitkit.circuit.models import (
     SynapseModel,
 )
 from circuitkit.circuit.models.writing import model_data
-from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.neurons import shown_unit, start
 
 _PER_ANGLE = Dimension(angle=-1)
@@ -81,7 +81,7 @@ def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | Mode
 
 
 def weight_unit(graph: CircuitGraph, synapse: Synapse | Projection) -> Unit:
-    """The unit in which the weight of a synapse is shown: that which its model gives it between its ends."""
+    """Find the unit in which the weight of a synapse is shown: what its model gives it at its endpoints."""
     return _weight_unit(synapse, nodes_of(graph))
 
 
@@ -94,8 +94,8 @@ def nodes_of(graph: CircuitGraph) -> Nodes:
     )
 
 
-def _end(nodes: Nodes, name: str) -> End:
-    end = nodes.end(name.partition("[")[0])
+def _endpoint(nodes: Nodes, name: str) -> Endpoint:
+    end = nodes.endpoint(name.partition("[")[0])
     if end is None:
         message = f"the circuit has no node {name}"
         raise KeyError(message)
@@ -103,7 +103,7 @@ def _end(nodes: Nodes, name: str) -> End:
 
 
 def _weight_unit(synapse: Synapse | Projection, nodes: Nodes) -> Unit:
-    target, source = _end(nodes, synapse.target), _end(nodes, synapse.source)
+    target, source = _endpoint(nodes, synapse.target), _endpoint(nodes, synapse.source)
     return _si(synapse.model.weight.dimension(target.activation.dimension, source.unit.dimension))
 
 
@@ -148,7 +148,7 @@ class _Flat:
     def of_model(self, synapse: Synapse | Projection, weight: Unit, what: str) -> dict[str, Any]:
         """The keys of a synapse or projection that depend on its model."""
         model = synapse.model
-        target, source = _end(self.nodes, synapse.target), _end(self.nodes, synapse.source)
+        target, source = _endpoint(self.nodes, synapse.target), _endpoint(self.nodes, synapse.source)
         entry: dict[str, Any] = {}
         if model != STATIC:
             entry["model"] = model.name
@@ -171,7 +171,9 @@ class _Flat:
         what = f"{projection.source} -> {projection.target}"
         unit = _weight_unit(projection, self.nodes)
         entry: dict[str, Any] = {"from": projection.source, "to": projection.target}
-        n_source, n_target = (_end(self.nodes, name).size for name in (projection.source, projection.target))
+        n_source, n_target = (
+            _endpoint(self.nodes, name).size for name in (projection.source, projection.target)
+        )
         rule = _rule(projection, n_source, n_target)
         if rule or len(projection.sources) <= MOST_LISTED or self.folder is None:
             entry["connect"] = rule or {"sources": self.rows(projection, what)}

@@ -13,7 +13,7 @@ _FAR_FROM_WHOLE = 0.01
 _MILLISECOND = parse_unit("ms")
 
 
-def doubts(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
+def warnings_of(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
     """Parameters, inputs, neurons and instances without any effect on an output; delays between steps.
 
     Of an instance's own declarations nothing is said: another circuit may use them.

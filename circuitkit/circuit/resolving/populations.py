@@ -54,9 +54,9 @@ def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, b
 
 
 def _reader(scope: Scope, item: Item[Any], size: int) -> Reader:
-    from circuitkit.circuit.resolving.spread import spread  # brings numpy: 0.1 s
+    from circuitkit.circuit.resolving.member_values import member_values  # brings numpy: 0.1 s
 
     def read(place: Place, value: object) -> Amount | None:
-        return spread(scope, item, place, value, size)
+        return member_values(scope, item, place, value, size)
 
     return read

@@ -19,22 +19,22 @@ from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.resolving import connectivity
 from circuitkit.circuit.resolving.connectivity import Connections
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader, written_parameters
-from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.header import Header
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.matrices import MatrixFileError, read_matrix
+from circuitkit.circuit.resolving.member_values import generator, listed
 from circuitkit.circuit.resolving.memory import Budget
 from circuitkit.circuit.resolving.neurons import start
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.resolving.signals import Signals, Term
-from circuitkit.circuit.resolving.spread import generator, listed
 from circuitkit.circuit.resolving.synapses import (
     check_linear,
     check_parameters,
     check_reads,
     check_sign,
     delay_s,
-    doubt_delay,
+    warn_of_delay,
     gate_name,
     source_end,
     weight_fits,
@@ -76,8 +76,8 @@ def projections(
 def _is_first(
     scope: Scope,
     item: Item[ProjectionSpec],
-    source: End,
-    target: End,
+    source: Endpoint,
+    target: Endpoint,
     first: dict[tuple[object, ...], Item[ProjectionSpec]],
 ) -> bool:
     """Whether an entry says something new; complains about one that connects the same in the same way."""
@@ -93,7 +93,7 @@ def _is_first(
     return True
 
 
-def _target(scope: Scope, item: Item[ProjectionSpec], nodes: Nodes) -> End | None:
+def _target(scope: Scope, item: Item[ProjectionSpec], nodes: Nodes) -> Endpoint | None:
     name = item.spec.to
     located = scope.locate(name)
     if located is None or located.kind not in _TARGETS:
@@ -113,8 +113,8 @@ class _Making:
         scope: Scope,
         item: Item[ProjectionSpec],
         model: SynapseModel,
-        source: End,
-        target: End,
+        source: Endpoint,
+        target: Endpoint,
         budget: Budget,
         stream: str,
     ) -> None:
@@ -128,7 +128,7 @@ class _Making:
         """The projection, or one for each node that feeds an instance's input; complains on the way."""
         scope, item, model = self.scope, self.item, self.model
         delay = delay_s(scope, item)
-        doubt_delay(scope, item, delay, self.source, [self.target], header)
+        warn_of_delay(scope, item, delay, self.source, [self.target], header)
         if not check_reads(scope, item, model, self.source, self.target):
             return
         found = self._connections()
@@ -151,15 +151,15 @@ class _Making:
         values: dict[str, PerMember] = dict(model.defaults)
         values |= {name: each.value for name, each in written.items()}
         for term in terms:
-            if "[" in term.end.name:
-                message = f"found '{self.source.name}', which the member {term.end.name} feeds"
+            if "[" in term.endpoint.name:
+                message = f"found '{self.source.name}', which the member {term.endpoint.name} feeds"
                 allowed = "inputs and neurons as the source of a projection"
                 scope.errors.append(item.problem(("from",), f"{message}; allowed: {allowed}"))
                 return
-            through = term.end.name != self.source.name or term.factor != 1.0
+            through = term.endpoint.name != self.source.name or term.factor != 1.0
             weights = weight.value if term.factor == 1.0 else weight.value * term.factor
             yield Projection(
-                source=term.end.name,
+                source=term.endpoint.name,
                 target=self.target.name,
                 indptr=connections[0],
                 sources=connections[1],

@@ -90,9 +90,9 @@ def _bind_rectangle(operation: Sum, start: int, stop: int, table: FloatArray) ->
                 yield partial(np.add, total[column], np.zeros(1, dtype=table.dtype), total[column])
         return
     taken = np.empty((longest, count, batch), dtype=table.dtype)
-    spread = np.ascontiguousarray(np.broadcast_to(weights, taken.shape))
+    factors = np.ascontiguousarray(np.broadcast_to(weights, taken.shape))
     yield partial(table.take, rows, 0, taken, "clip")
-    yield partial(np.multiply, taken, spread, taken)
+    yield partial(np.multiply, taken, factors, taken)
     yield from _add_in_order([*([total] if operation.add else []), *taken], total)
 
 

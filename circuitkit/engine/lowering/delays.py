@@ -48,14 +48,14 @@ def require_delays(graph: CircuitGraph) -> None:
 
 
 def _delays(graph: CircuitGraph, sizes: Mapping[str, int]) -> Iterator[_Delay]:
-    """Those of at least one step; of a substep where both ends are continuous."""
+    """Those of at least one step; of a substep where both endpoints are continuous."""
     nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     continuous = {node.name for node in nodes if node.model.continuous}
     synapses: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for synapse in synapses:
         if synapse.delay_s:
-            ends = (_node(name, sizes) for name in (synapse.source, synapse.target))
-            in_substeps = continuous.issuperset(ends)
+            endpoints = (_node(name, sizes) for name in (synapse.source, synapse.target))
+            in_substeps = continuous.issuperset(endpoints)
             steps = delay_steps(synapse.delay_s, graph.step_s / (graph.substeps if in_substeps else 1))
             if steps:
                 yield _Delay(synapse, in_substeps, steps)

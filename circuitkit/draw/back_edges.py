@@ -1,6 +1,6 @@
-"""Lanes above or below a node for the links that go back, and the ports where they meet it.
+"""Tracks above or below a node for the links that go back, and the ports where they meet it.
 
-Ports run from right to left and lanes from the node outwards, in the same order: first the loop of a neuron
+Ports run from right to left and tracks from the node outwards, in the same order: first the loop of a neuron
 to itself, then what comes in, then what goes out. So what comes from the right never crosses its neighbours.
 """
 
@@ -11,19 +11,19 @@ from collections.abc import Iterable
 
 from circuitkit.draw.layers import Layers
 from circuitkit.draw.network import Link
-from circuitkit.draw.routing import End
+from circuitkit.draw.routing import Endpoint
 from circuitkit.draw.shapes import Box
 
-_FIRST, _NEXT = 20.0, 9.0  # distance of lanes from their node and from each other, [pt]
+_FIRST, _NEXT = 20.0, 9.0  # distance of tracks from their node and from each other, [pt]
 _PORT = 10.0  # distance of ports, [pt]
 _LOOP_PORTS = 2
 
 
-class Lanes:
-    """The lanes of all nodes.
+class BackEdges:
+    """The tracks of all nodes.
 
     Attributes:
-        side: -1 if the lanes of a node lie above it, 1 if below: outwards from the middle of its layer.
+        side: -1 if the tracks of a node lie above it, 1 if below: outwards from the middle of its layer.
     """
 
     def __init__(self, layers: Layers) -> None:
@@ -32,9 +32,9 @@ class Lanes:
             names = [item for item in layer if isinstance(item, str)]
             self.side |= {name: -1 if 2 * i < len(names) else 1 for i, name in enumerate(names)}
         back = [link for link in layers.links if link.backward]
-        self._arriving: dict[Link, tuple[int, int]] = {}  # lane and port
+        self._arriving: dict[Link, tuple[int, int]] = {}  # track and port
         self._leaving: dict[str, tuple[int, int]] = {}
-        self._lanes: Counter[str] = Counter()
+        self._tracks: Counter[str] = Counter()
         self._ports: Counter[str] = Counter()
         self._add_arriving(link for link in back if link.source == link.target)
         self._add_arriving(link for link in back if link.source != link.target)
@@ -47,31 +47,33 @@ class Lanes:
             loop = link.source == link.target
             self._arriving[link] = self._take(link.target, _LOOP_PORTS if loop else 1)
             if loop and link.label:  # room for its label
-                self._lanes[link.target] += 1 + 2 * link.label.count("\n")
+                self._tracks[link.target] += 1 + 2 * link.label.count("\n")
 
     def _take(self, name: str, ports: int) -> tuple[int, int]:
-        """The next lane and the last of the next ports of a node."""
-        lane = self._lanes[name]
-        self._lanes[name] += 1
+        """The next track and the last of the next ports of a node."""
+        track = self._tracks[name]
+        self._tracks[name] += 1
         self._ports[name] += ports
-        return lane, self._ports[name] - 1
+        return track, self._ports[name] - 1
 
     def width(self, name: str) -> float:
         """How wide a node must be for its ports, [pt]."""
         return _PORT * self._ports[name] + 8.0
 
     def reach(self, name: str) -> float:
-        """How far beyond the node its lanes reach, [pt]."""
-        return _FIRST + _NEXT * (self._lanes[name] - 1) + 2.0 if self._lanes[name] else 0.0
+        """How far beyond the node its tracks reach, [pt]."""
+        return _FIRST + _NEXT * (self._tracks[name] - 1) + 2.0 if self._tracks[name] else 0.0
 
-    def ends(self, link: Link, source: tuple[Box, str], target: tuple[Box, str]) -> tuple[End, End]:
+    def endpoints(
+        self, link: Link, source: tuple[Box, str], target: tuple[Box, str]
+    ) -> tuple[Endpoint, Endpoint]:
         """Where a link that goes back leaves and arrives; nodes are given by their box and shape."""
-        lane, port = self._arriving[link]
-        out = (lane, port - 1) if link.source == link.target else self._leaving[link.source]
-        return self._end(link.source, source, out), self._end(link.target, target, (lane, port))
+        track, port = self._arriving[link]
+        out = (track, port - 1) if link.source == link.target else self._leaving[link.source]
+        return self._endpoint(link.source, source, out), self._endpoint(link.target, target, (track, port))
 
-    def _end(self, name: str, node: tuple[Box, str], place: tuple[int, int]) -> End:
-        (box, shape), (lane, port) = node, place
+    def _endpoint(self, name: str, node: tuple[Box, str], place: tuple[int, int]) -> Endpoint:
+        (box, shape), (track, port) = node, place
         offset = _PORT * ((self._ports[name] - 1) / 2 - port)
-        height = box.y + self.side[name] * (box.height / 2 + _FIRST + _NEXT * lane)
-        return End(box, shape, offset, self.side[name], height)
+        height = box.y + self.side[name] * (box.height / 2 + _FIRST + _NEXT * track)
+        return Endpoint(box, shape, offset, self.side[name], height)

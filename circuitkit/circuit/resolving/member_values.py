@@ -31,7 +31,7 @@ def generator(seed: int, name: str) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest[:16], "little")))
 
 
-def spread(scope: Scope, item: Item[Any], place: Place, value: object, size: int) -> Amount | None:
+def member_values(scope: Scope, item: Item[Any], place: Place, value: object, size: int) -> Amount | None:
     """Values for the members of a population; expressions may use `i` (from 0) and `n`.
 
     Args:
