@@ -34,9 +34,9 @@ from circuitkit.circuit.resolving.synapses import (
     check_reads,
     check_sign,
     delay_s,
-    warn_of_delay,
     gate_name,
     source_end,
+    warn_of_delay,
     weight_fits,
 )
 from circuitkit.circuit.spec import ConnectSpec, ProjectionSpec
