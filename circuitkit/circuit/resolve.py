@@ -45,7 +45,7 @@ def resolve(module: Module, settings: Mapping[str, object] | None = None) -> Cir
 
 
 def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> CircuitGraph | None:
-    """The graph of a circuit's files, or None after complaining.
+    """Return the graph of a circuit's files, or None after complaining.
 
     Args:
         module: What the files declare.

@@ -50,24 +50,24 @@ class BackEdges:
                 self._tracks[link.target] += 1 + 2 * link.label.count("\n")
 
     def _take(self, name: str, ports: int) -> tuple[int, int]:
-        """The next track and the last of the next ports of a node."""
+        """Return the next track and the last of the next ports of a node."""
         track = self._tracks[name]
         self._tracks[name] += 1
         self._ports[name] += ports
         return track, self._ports[name] - 1
 
     def width(self, name: str) -> float:
-        """How wide a node must be for its ports, [pt]."""
+        """Find how wide a node must be for its ports, [pt]."""
         return _PORT * self._ports[name] + 8.0
 
     def reach(self, name: str) -> float:
-        """How far beyond the node its tracks reach, [pt]."""
+        """Find how far beyond the node its tracks reach, [pt]."""
         return _FIRST + _NEXT * (self._tracks[name] - 1) + 2.0 if self._tracks[name] else 0.0
 
     def endpoints(
         self, link: Link, source: tuple[Box, str], target: tuple[Box, str]
     ) -> tuple[Endpoint, Endpoint]:
-        """Where a link that goes back leaves and arrives; nodes are given by their box and shape."""
+        """Find where a link that goes back leaves and arrives; nodes are given by their box and shape."""
         track, port = self._arriving[link]
         out = (track, port - 1) if link.source == link.target else self._leaving[link.source]
         return self._endpoint(link.source, source, out), self._endpoint(link.target, target, (track, port))

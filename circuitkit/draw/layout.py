@@ -139,7 +139,7 @@ def _groups(
     heights: Mapping[Item, float],
     reach: Mapping[Item, tuple[float, float]],
 ) -> tuple[GroupBox, ...]:
-    """The frame of every instance: its columns across, its band in height."""
+    """Return the frame of every instance: its columns across, its band in height."""
     found = []
     for group in dict.fromkeys(node.group for node in network.nodes if node.group):
         names = [node.name for node in network.nodes if node.group == group]
@@ -154,7 +154,7 @@ def _groups(
 
 
 def _face(node: Node, arrivals: int, least_width: float) -> NodeBox:
-    """A node with its size, at the origin."""
+    """Return a node with its size, at the origin."""
     lines, shape = node.lines, _SHAPES[node.role]
     widths = [text_size(lines[0], NORMAL)[0], *(text_size(line, SMALL)[0] for line in lines[1:])]
     tall = NORMAL * LINE_HEIGHT + SMALL * LINE_HEIGHT * (len(lines) - 1) + 2 * _PAD
@@ -168,13 +168,13 @@ def _face(node: Node, arrivals: int, least_width: float) -> NodeBox:
 
 
 def _whole(node: NodeBox) -> Box:
-    """The extent of a node with the outlines behind it."""
+    """Return the extent of a node with the outlines behind it."""
     more = 2 * node.stack
     return Box(node.box.x + more / 2, node.box.y - more / 2, node.box.width + more, node.box.height + more)
 
 
 def _rear(node: NodeBox) -> Box:
-    """The hindmost outline of a node, which lines from above meet and lines to the right leave from."""
+    """Give the hindmost outline of a node, which lines from above meet and lines to the right leave from."""
     return replace(node.box, x=node.box.x + 2 * node.stack, y=node.box.y - 2 * node.stack)
 
 
@@ -200,7 +200,7 @@ def _columns(
     heights: Mapping[Item, float],
     stretch: float,
 ) -> list[Column]:
-    """Columns as wide as their widest node; gaps as wide as their steepest line and their labels ask for."""
+    """Make columns as wide as their widest node, gaps as wide as lines and labels ask for."""
     count = len(layers.order)
     rise, words = [0.0] * count, [0.0] * count
     for link in layers.links:
@@ -258,7 +258,7 @@ def _routes(
 def _offsets(
     layers: Layers, nodes: Mapping[str, NodeBox], heights: Mapping[Item, float]
 ) -> tuple[dict[Link, float], dict[Link, float]]:
-    """Where forward links arrive on the left and leave on the right; those to one bend leave as one."""
+    """Find where forward links arrive on the left and leave on the right; those to one bend leave as one."""
     arrive: dict[Link, float] = {}
     leave: dict[Link, float] = {}
     forward = [link for link in layers.links if not link.backward]

@@ -99,7 +99,7 @@ class Network:
 
 
 def make_network(graph: CircuitGraph) -> Network:
-    """What a picture of a circuit shows."""
+    """Find what a picture of a circuit shows."""
     endpoints = _Endpoints(graph)
     nodes = [_input(each) for each in graph.inputs]
     neurons: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
@@ -115,12 +115,12 @@ def make_network(graph: CircuitGraph) -> Network:
 
 
 def node_of(name: str) -> str:
-    """The population of a member such as `ring[3]`, or the name itself."""
+    """Return the population of a member such as `ring[3]`, or the name itself."""
     return name.partition("[")[0]
 
 
 def _split(name: str) -> tuple[str, str]:
-    """The outermost instance that a name belongs to, and the rest of the name."""
+    """Return the outermost instance that a name belongs to, and the rest of the name."""
     group, dot, rest = name.partition(".")
     return (group, rest) if dot else ("", name)
 
@@ -160,7 +160,7 @@ def _neuron(node: Neuron | Population) -> Node:
 
 
 def _synapses(graph: CircuitGraph, endpoints: _Endpoints) -> Iterator[Link]:
-    """A line for every synapse; those between members of the same nodes share one if they are alike."""
+    """Yield a line for every synapse; those between members of the same nodes share one if they are alike."""
     alike: dict[tuple[str, ...], list[Synapse]] = {}
     for each in graph.synapses:
         key = (node_of(each.source), node_of(each.target), each.kind, each.model.name, f"{each.delay_s}")
@@ -185,7 +185,7 @@ def _projections(graph: CircuitGraph, endpoints: _Endpoints) -> Iterator[Link]:
 def _lines(
     edge: Synapse | Projection, weights: PerMember, words: Sequence[str], endpoints: _Endpoints
 ) -> Iterator[Link]:
-    """The line of synapses that are alike but for their weights, and that of their gate."""
+    """Yield the line of synapses that are alike but for their weights, and that of their gate."""
     source, target = node_of(edge.source), node_of(edge.target)
     model = edge.model
     weight = endpoints.weight(edge, weights)
@@ -215,12 +215,12 @@ class _Endpoints:
         self._neurons |= {each.name: each for each in graph.populations}
 
     def size(self, name: str) -> int:
-        """How many neurons a node has."""
+        """Find how many neurons a node has."""
         node = self._neurons.get(name)
         return node.size if isinstance(node, Population) else _SINGLE
 
     def weight(self, edge: Synapse | Projection, weights: PerMember) -> str:
-        """Weights as text."""
+        """Return weights as text."""
         source = self._inputs.get(node_of(edge.source))
         above = self._neurons[node_of(edge.target)].activation_unit
         below = DIMENSIONLESS if source is None else source.unit
@@ -231,12 +231,12 @@ class _Endpoints:
 
 
 def _is_plain(weights: PerMember, kind: str) -> bool:
-    """Whether a line needs no weight: 1, or -1 if it inhibits, in SI units."""
+    """Check whether a line needs no weight: 1, or -1 if it inhibits, in SI units."""
     return bool(np.all(weights == 1.0) or (kind == "inhibitory" and np.all(weights == -1.0)))
 
 
 def _readouts(graph: CircuitGraph) -> Iterator[Link]:
-    """A line for everything that an output reads; members of one population share theirs."""
+    """Yield a line for everything that an output reads; members of one population share theirs."""
     for output in graph.outputs:
         read: dict[str, list[PerMember]] = {}
         for name, weight in output.readout:

@@ -102,7 +102,7 @@ class Route:
 
 
 def _trace(corners: FloatArray) -> FloatArray:
-    """Points on a Bezier curve of any degree, without the first one (de Casteljau)."""
+    """Return points on a Bezier curve of any degree, without the first one (de Casteljau)."""
     count = max(1, math.ceil(np.hypot(*np.diff(corners, axis=0).T).sum() / _STEP))
     t = np.arange(1, count + 1)[:, np.newaxis] / count
     rows = [np.broadcast_to(corner, (count, 2)) for corner in corners]
@@ -128,7 +128,7 @@ class _Pen:
         self.codes += "CCC"
 
     def swing(self, x: float, y: float) -> None:
-        """A curve to (x, y) that is level at both ends."""
+        """Add a curve to (x, y) that is level at both ends."""
         x0, y0 = self.points[-1]
         if abs(y - y0) < _TINY:
             self.line(x, y)
@@ -137,7 +137,7 @@ class _Pen:
             self.curve((middle, y0), (middle, y), (x, y))
 
     def turn(self, corner: Point, end: Point) -> None:
-        """A quarter of a circle to `end`, around the inside of `corner`."""
+        """Add a quarter of a circle to `end`, around the inside of `corner`."""
         start = self.points[-1]
         first = (start[0] + 0.55 * (corner[0] - start[0]), start[1] + 0.55 * (corner[1] - start[1]))
         second = (end[0] + 0.55 * (corner[0] - end[0]), end[1] + 0.55 * (corner[1] - end[1]))
@@ -215,6 +215,6 @@ def _come_in(pen: _Pen, link: Link, target: Endpoint, radius: float) -> Route:
 
 
 def ports(heights: Mapping[_Key, float], spacing: float) -> dict[_Key, float]:
-    """Offsets along one side of a node, in the order of where the lines go to or come from, [pt]."""
+    """Return offsets along one side of a node, in the order of where the lines go to or come from, [pt]."""
     ordered = sorted(heights, key=lambda key: heights[key])
     return {key: spacing * (i - (len(ordered) - 1) / 2) for i, key in enumerate(ordered)}

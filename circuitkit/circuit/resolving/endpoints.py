@@ -46,7 +46,7 @@ class Nodes:
     _endpoints: dict[str, Endpoint] = field(default_factory=dict)
 
     def endpoint(self, name: str) -> Endpoint | None:
-        """An input, neuron or population by its name in the whole circuit; None if it is unsound."""
+        """Return an input, neuron or population by its name in the whole circuit; None if it is unsound."""
         if name not in self._endpoints:
             if name in self.neurons:
                 neuron = self.neurons[name]
@@ -67,7 +67,7 @@ class Nodes:
     def located(
         self, scope: Scope, item: Item[Any], place: Place, located: Located, *, at_key: bool = False
     ) -> Endpoint | None:
-        """What a name stands for; None if it is unsound, or after complaining about a missing member."""
+        """Find what a name stands for; None if it is unsound, or after complaining about a missing member."""
         if located.kind != "member":
             return self.endpoint(located.name)
         population = self.populations.get(located.name.rpartition("[")[0])

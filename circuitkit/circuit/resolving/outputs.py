@@ -16,7 +16,7 @@ _READ = ("neuron", "member", "population")
 
 
 def outputs(root: Scope, nodes: Nodes) -> Iterator[OutputNode]:
-    """The outputs of a circuit, those of instances first; complains also about those that are not kept."""
+    """Yield the outputs of a circuit, those of instances first; complain also about those not kept."""
     kept = {id(located.item): name for name, located in root.published.items()}
     for scope in root.everything():
         for name, item in scope.outputs.items():

@@ -54,7 +54,7 @@ def projections(
     budget: Budget,
     header: Header | None,
 ) -> Iterator[Projection]:
-    """The projections that a scope declares, as far as they are sound."""
+    """Yield the projections that a scope declares, as far as they are sound."""
     numbers: dict[str, int] = {}
     first: dict[tuple[object, ...], Item[ProjectionSpec]] = {}
     for item in scope.projections():
@@ -80,7 +80,7 @@ def _is_first(
     target: Endpoint,
     first: dict[tuple[object, ...], Item[ProjectionSpec]],
 ) -> bool:
-    """Whether an entry says something new; complains about one that connects the same in the same way."""
+    """Check whether an entry says something new; complain about one that says the same as another."""
     spec = item.spec
     rule = spec.connect if isinstance(spec.connect, str) else spec.connect.model_dump_json()
     key = (source.name, target.name, rule, spec.model, spec.gate, spec.delay)
@@ -125,7 +125,7 @@ class _Making:
         self.without_self = self.is_loop and not item.spec.self_connections
 
     def projections(self, terms: Sequence[Term], gate: str, header: Header | None) -> Iterator[Projection]:
-        """The projection, or one for each node that feeds an instance's input; complains on the way."""
+        """Yield the projection, or one for each node that feeds an instance's input; complains on the way."""
         scope, item, model = self.scope, self.item, self.model
         delay = delay_s(scope, item)
         warn_of_delay(scope, item, delay, self.source, [self.target], header)
@@ -174,7 +174,7 @@ class _Making:
             )
 
     def _connections(self) -> tuple[Connections, npt.NDArray[np.float64] | None] | None:
-        """Which members are connected, and what a matrix file has in each place; None after complaining."""
+        """Find which members are connected, and a matrix file's entries; None after complaining."""
         connect, n_source, n_target = self.item.spec.connect, self.source.size, self.target.size
         if connect == "all_to_all":
             if self._is_too_much(float(n_source) * n_target):
@@ -282,7 +282,7 @@ class _Making:
         self.scope.errors.append(self.item.problem(("connect", *inner), message))
 
     def _weight(self, connections: Connections, entries: npt.NDArray[np.float64] | None) -> Amount | None:
-        """The weights, [SI]: as written, times what a matrix file has; None after complaining."""
+        """Return the weights, [SI]: as written, times what a matrix file has; None after complaining."""
         written = self.item.spec.weight
         if written is None:
             if entries is None:
@@ -325,7 +325,7 @@ class _Making:
     def _by_synapse(
         self, place: Place, value: object, variables: Mapping[str, Amount], connections: Connections
     ) -> Amount | None:
-        """An expression for every synapse, worked out for some rows at a time."""
+        """Return an expression for every synapse, worked out for some rows at a time."""
         indptr, sources = connections
         numbers = np.empty(len(sources))
         unit = None

@@ -33,7 +33,7 @@ class Signals:
         self._known: dict[str, tuple[Endpoint, tuple[Term, ...]] | None] = {}
 
     def input(self, located: Located) -> tuple[Endpoint, tuple[Term, ...]] | None:
-        """An input as an end, and the weighted sum that takes its place; None if it is unsound."""
+        """Return an input as an end, and the weighted sum that takes its place; None if it is unsound."""
         name = located.name
         if name not in self._known:
             scope, entry = located.scope, located.scope.entry
@@ -61,7 +61,7 @@ class Signals:
     def _terms(
         self, outer: Scope, entry: Item[InstanceSpec], place: Place, inner: Endpoint
     ) -> Iterator[Term]:
-        """What an entry of an instance feeds to one of its inputs."""
+        """Find what an entry of an instance feeds to one of its inputs."""
         written = entry.spec.inputs[str(place[1])]
         if isinstance(written, str):
             yield from self._scaled(outer, entry, place, written, 1.0, inner, DIMENSIONLESS)
@@ -84,7 +84,7 @@ class Signals:
         inner: Endpoint,
         unit: Unit,
     ) -> Iterator[Term]:
-        """The terms that one name and its factor stand for."""
+        """Yield the terms that one name and its factor stand for."""
         is_key = len(place) > 2  # noqa: PLR2004 - a key of the mapping with the factors
         located = outer.locate(name)
         if located is None or located.kind not in _SOURCES:
@@ -112,7 +112,7 @@ class Signals:
     def _sum(
         self, outer: Scope, entry: Item[InstanceSpec], place: Place, located: Located, *, at_key: bool
     ) -> tuple[Endpoint, tuple[Term, ...]] | None:
-        """The weighted sum that an input, neuron, member or output around an instance stands for."""
+        """Return the weighted sum that an input, neuron, member or output around an instance stands for."""
         if located.kind == "input":
             return self.input(located)
         if located.kind == "output":
@@ -151,7 +151,7 @@ class Signals:
 
 
 def _merged(terms: list[Term]) -> Iterator[Term]:
-    """One term for each node."""
+    """Return one term for each node."""
     factors: dict[str, float] = {}
     endpoints: Mapping[str, Endpoint] = {term.endpoint.name: term.endpoint for term in terms}
     for term in terms:

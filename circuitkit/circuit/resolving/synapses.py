@@ -51,7 +51,7 @@ class Synapses:
                     self._keep(synapse)
 
     def _source(self, scope: Scope, item: Item[SynapseSpec]) -> tuple[Endpoint, Sequence[Term]] | None:
-        """The end that an entry names as its source, and what is sent there; None after complaining."""
+        """Give the end that an entry names as its source, and what is sent there; None after complaining."""
         return source_end(scope, item, self.nodes, self.signals, SOURCES, "an input or a neuron")
 
     def _targets(self, scope: Scope, item: Item[SynapseSpec], gate: str) -> Iterator[Endpoint]:
@@ -101,7 +101,7 @@ def source_end(
     kinds: Sequence[str],
     allowed: str,
 ) -> tuple[Endpoint, Sequence[Term]] | None:
-    """The end that an entry names as its source, and the weighted sum of nodes that it stands for.
+    """Return the end that an entry names as its source, and the weighted sum of nodes that it stands for.
 
     That is the node itself, unless it is an input of an instance that is fed by others.
     """
@@ -119,7 +119,7 @@ def source_end(
 
 
 def _target_places(item: Item[SynapseSpec]) -> Iterator[tuple[Place, str]]:
-    """The targets of a synapse with their places: one name, or the names of a list."""
+    """Yield the targets of a synapse with their places: one name, or the names of a list."""
     targets = item.spec.to
     is_list = len(targets) > 1 or (*item.place, "to", 0) in item.part.document.marks
     for number, target in enumerate(targets):
@@ -127,7 +127,7 @@ def _target_places(item: Item[SynapseSpec]) -> Iterator[tuple[Place, str]]:
 
 
 def gate_name(scope: Scope, item: Item[Any], model: SynapseModel, nodes: Nodes) -> str:
-    """The neuron that an entry names as its gate, by its name in the whole circuit; empty for none."""
+    """Return the neuron that an entry names as its gate, by its name in the whole circuit; empty for none."""
     gate = item.spec.gate
     if gate is None:
         if model.gated:
@@ -166,7 +166,7 @@ class _Wiring:
     def synapses(
         self, source: tuple[Endpoint, Sequence[Term]] | None, targets: Sequence[Endpoint]
     ) -> Iterator[Synapse]:
-        """The synapses; complains about units and signs once."""
+        """Yield the synapses; complains about units and signs once."""
         scope, item, model = self.scope, self.item, self.model
         weight = scope.value(item, ("weight",), item.spec.weight)
         parameters = written_parameters(scope, item, model, self._read)
@@ -210,7 +210,7 @@ class _Wiring:
 
 
 def delay_s(scope: Scope, item: Item[Any]) -> float:
-    """The delay of an entry, [s]."""
+    """Return the delay of an entry, [s]."""
     if item.spec.delay is None:
         return 0.0
     delay = scope.value(item, ("delay",), item.spec.delay, _SECOND)
@@ -243,7 +243,7 @@ def warn_of_delay(
 def weight_fits(
     scope: Scope, item: Item[Any], model: SynapseModel, weight: Amount, source: Endpoint, target: Endpoint
 ) -> bool:
-    """Whether a weight has the dimension that its model gives it between two nodes; complains if not."""
+    """Check whether a weight has the dimension that its model gives it between two nodes."""
     if model.plain_source and any(source.unit.dimension):
         found = f"found {source.name} {in_unit(source.unit)}"
         message = f"{found}; allowed: sources without unit for the model {model.name}"
@@ -292,7 +292,7 @@ def check_parameters(
 def check_reads(
     scope: Scope, item: Item[Any], model: SynapseModel, source: Endpoint, target: Endpoint
 ) -> bool:
-    """Whether source and target have the states that the synapse's model reads; complains if not."""
+    """Check whether source and target have the states that the synapse's model reads; complains if not."""
     for name, rule in model.reads.items():
         side, _, state_name = name.partition("_")
         end, key = (source, "from") if side == "pre" else (target, "to")
@@ -366,7 +366,7 @@ def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End
 
 
 def is_linear(model: SynapseModel) -> bool:
-    """Whether a factor on the source may as well stand on the weight."""
+    """Check whether a factor on the source may as well stand on the weight."""
     if model.states or model.reads:
         return False
     current = model.current

@@ -27,7 +27,7 @@ class Clock:
     substep: int = 0
 
     def count_substep(self) -> None:
-        """One more substep."""
+        """Count one more substep."""
         self.substep += 1
 
 
@@ -44,7 +44,7 @@ class Ring:
     in_substeps: bool
 
     def order(self, clock: Clock) -> npt.NDArray[np.intp]:
-        """Places of the values, the newest first, shape (depth,)."""
+        """Return places of the values, the newest first, shape (depth,)."""
         depth = len(self.values)
         time = clock.substep if self.in_substeps else clock.step
         return (time - 1 - np.arange(depth)) % depth
@@ -68,7 +68,7 @@ class Workspace:
 
 
 def bind_operation(operation: Operation, work: Workspace, *, in_substeps: bool) -> Iterator[Call]:
-    """The calls that do an operation."""
+    """Bind the calls that do an operation."""
     match operation:
         case Sum():
             yield from bind_sum(operation, work.table)
@@ -143,7 +143,7 @@ def _bind_map(operation: Map, table: FloatArray) -> Iterator[Call]:
 
 
 def _as_rows(values: FloatArray, count: int, batch: int) -> FloatArray:
-    """Constants of shape (), (count,) or (count, B) as (1, 1), (count, 1) or (count, B)."""
+    """Return constants of shape (), (count,) or (count, B) as (1, 1), (count, 1) or (count, B)."""
     if values.ndim == 1:
         return values[:, np.newaxis]
     return values if values.ndim else np.broadcast_to(values, (min(count, 1), min(batch, 1)))
