@@ -37,7 +37,7 @@ demo: $(READY)  ## checks and draws the BiNN, pushes the walking NAO under two c
 	$(BIN)/circuitkit compare nao_push --controllers open_loop,circuit --video -o out/demo
 	@echo "pictures, recordings and videos: out/demo"
 
-check: $(READY)  ## style, types and the floors between the rooms
+check: $(READY)  ## style, types and the layers of packages
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports

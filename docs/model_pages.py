@@ -97,9 +97,12 @@ def index_page(models: Iterable[NeuronModel | SynapseModel]) -> str:
     """The table of all models."""
     lines = [INDEX_HEAD]
     for folder in ("neurons", "synapses"):
-        lines += [f"## {folder.capitalize()}", "", "| model | |", "|---|---|"]
+        lines += [f"## {folder.capitalize()}", "", "| model | | parameters (default) |", "|---|---|---|"]
         own = [model for model in models if folder_of(model) == folder]
-        lines += [f"| [`{model.name}`]({folder}/{model.name}.md) | {model.description} |" for model in own]
+        lines += [
+            f"| [`{model.name}`]({folder}/{model.name}.md) | {model.description} | {parameters(model)} |"
+            for model in own
+        ]
         lines.append("")
     return "\n".join(lines)
 
@@ -182,6 +185,15 @@ def table(kind: str, column: str, rows: Iterable[tuple[ModelParameter | ModelSta
     lines = [f"| `{each.name}` | {each.unit_rule} | {text} | {each.description} |" for each, text in rows]
     if lines:
         yield from (f"| {kind} | unit | {column} | |", "|---|---|---|---|", *lines, "")
+
+
+def parameters(model: NeuronModel | SynapseModel) -> str:
+    """The parameters of a model, with the defaults of those that have one."""
+    texts = (
+        f"`{each.name}`" + ("" if each.default is None else f" ({default_text(each)})")
+        for each in model.parameters
+    )
+    return ", ".join(texts)
 
 
 def default_text(parameter: ModelParameter) -> str:

@@ -43,7 +43,7 @@ NO_ORIGIN = Origin("", 0, 0)
 
 
 def same(first: Any, second: Any) -> bool:  # noqa: ANN401 - values, arrays, and mappings and tuples of these
-    """Whether two values are equal, arrays by their elements."""
+    """Check whether two values are equal, arrays by their elements."""
     if isinstance(first, Mapping):
         return (
             isinstance(second, Mapping)
@@ -295,13 +295,13 @@ class CircuitGraph:
         return Names((neuron.name for neuron in self.neurons), sizes)
 
     def names(self) -> Names:
-        """Names of inputs, neurons, members of populations and outputs, in this order; none occurs twice."""
+        """Return the names of inputs, neurons, members and outputs, in this order; none occurs twice."""
         singles: tuple[InputNode | Neuron, ...] = (*self.inputs, *self.neurons)
         sizes = ((population.name, population.size) for population in self.populations)
         return Names((node.name for node in singles), sizes, (node.name for node in self.outputs))
 
     def edges(self) -> Iterator[tuple[str, str, float, str]]:
-        """Every connection from neuron to neuron: source, target, weight [SI], and its kind."""
+        """Yield every connection from neuron to neuron: source, target, weight [SI], and its kind."""
         sizes = {population.name: population.size for population in self.populations}
         for synapse in self.synapses:
             yield synapse.source, synapse.target, synapse.weight, synapse.kind

@@ -150,7 +150,7 @@ def _examine(read: _Read) -> tuple[_Sound | None, tuple[Problem, ...], tuple[Pro
 
 
 def _in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
-    """The problems in the order of the text, one for each place: the first one there caused the others."""
+    """Sort problems by the text, one for each place: the first one there caused the others."""
     by_place: dict[tuple[str, int, int, str], Problem] = {}
     for problem in problems:
         by_place.setdefault((problem.file, problem.line, problem.column, problem.where), problem)

@@ -11,7 +11,7 @@ _LIMIT_OF_GROUP = Path("/sys/fs/cgroup/memory.max")
 
 
 def machine_bytes() -> int:
-    """Memory of this machine, or of the group of processes that this one is confined to."""
+    """Return memory of this machine, or of the group of processes that this one is confined to."""
     total = _UNKNOWN
     with suppress(AttributeError, ValueError, OSError):
         total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
@@ -21,7 +21,7 @@ def machine_bytes() -> int:
 
 
 def shortage(what: str, needed: float, rest: float = 0.0) -> str:
-    """The complaint about something that does not fit into memory; empty if it does.
+    """Return the complaint about something that does not fit into memory; empty if it does.
 
     Args:
         what: What was found, such as "5 neurons".

@@ -45,7 +45,7 @@ class Names(Sequence[str]):
     @overload
     def __getitem__(self, index: slice) -> tuple[str, ...]: ...
     def __getitem__(self, index: int | slice) -> str | tuple[str, ...]:
-        """The name at a position, or several."""
+        """Return the name at a position, or several."""
         if isinstance(index, slice):
             return tuple(self[position] for position in range(len(self))[index])
         position = range(len(self))[index]
@@ -67,7 +67,7 @@ class Names(Sequence[str]):
         return isinstance(name, str) and self._find(name) is not None
 
     def index(self, value: str, start: int = 0, stop: int | None = None) -> int:
-        """The position of a name.
+        """Return the position of a name.
 
         Raises:
             ValueError: It is not among them.

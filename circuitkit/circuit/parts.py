@@ -127,13 +127,13 @@ class _Reader:
     def module(
         self, document: Document, model: type[FileSpec], including: tuple[Path, ...], within: str
     ) -> Module:
-        """The files that share their names with a document, and the instances in them."""
+        """Return the files that share their names with a document, and the instances in them."""
         gathering = _Gathering(within)
         self.add(gathering, self.part(document, model), including)
         return Module(tuple(gathering.parts), tuple(gathering.instances), frozenset(gathering.lost_instances))
 
     def part(self, document: Document, model: type[FileSpec]) -> Part:
-        """What is sound of a document; complains about the rest."""
+        """Find what is sound of a document; complains about the rest."""
         spec, findings = model_problems(document, model, document.data)
         if spec is not None:
             return Part(document, spec)
@@ -184,7 +184,7 @@ class _Reader:
         gathering.instances.append(replace(instance, module=module))
 
     def read(self, part: Part, place: Place, name: str) -> Part | None:
-        """An included file, read once however often it is included; None after complaining."""
+        """Read an included file, read once however often it is included; None after complaining."""
         path = Path(part.document.path).parent / name
         here = path.resolve()
         if here in self.files:
@@ -201,7 +201,7 @@ class _Reader:
         return self.files[here]
 
     def is_circle(self, part: Part, place: Place, path: Path, including: tuple[Path, ...]) -> bool:
-        """Whether a file includes itself, perhaps through others; complains if so."""
+        """Check whether a file includes itself, perhaps through others; complains if so."""
         if path.resolve() not in including:
             return False
         start = including.index(path.resolve())
@@ -223,7 +223,7 @@ class _Gathering:
 
 
 def _unreadable(path: Path, name: str) -> tuple[str, str]:
-    """Why an included file cannot be read, and a hint; empty if it may be read."""
+    """Find why an included file cannot be read, and a hint; empty if it may be read."""
     if path.is_dir():
         return f"found '{name}', which is a folder; allowed: the path of a circuit file from here", ""
     if path.exists():
@@ -233,7 +233,7 @@ def _unreadable(path: Path, name: str) -> tuple[str, str]:
 
 
 def _sound_part(document: Document, findings: Iterable[Finding]) -> Part:
-    """What is left of a file without the parts that are complained about."""
+    """Find what is left of a file without the parts that are complained about."""
     data = document.data
     if not isinstance(data, dict):
         return Part(document, FileSpec(), lost_sections=True)

@@ -8,9 +8,9 @@ from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.base.units import parse_unit
 from circuitkit.circuit.graph import CircuitGraph, InputNode, Projection
 from circuitkit.circuit.parts import Module
-from circuitkit.circuit.resolving.checks import doubts
+from circuitkit.circuit.resolving.checks import warnings_of
 from circuitkit.circuit.resolving.declared_models import DeclaredModels
-from circuitkit.circuit.resolving.ends import Nodes
+from circuitkit.circuit.resolving.endpoints import Nodes
 from circuitkit.circuit.resolving.header import HEADER_KEYS, read_header
 from circuitkit.circuit.resolving.items import Findings
 from circuitkit.circuit.resolving.memory import Budget
@@ -45,7 +45,7 @@ def resolve(module: Module, settings: Mapping[str, object] | None = None) -> Cir
 
 
 def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> CircuitGraph | None:
-    """The graph of a circuit's files, or None after complaining.
+    """Return the graph of a circuit's files, or None after complaining.
 
     Args:
         module: What the files declare.
@@ -92,7 +92,7 @@ def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> Cir
         projections=tuple(many),
     )
     if is_whole:
-        findings.warnings.extend(doubts(graph, scope))
+        findings.warnings.extend(warnings_of(graph, scope))
     return graph
 
 

@@ -16,7 +16,7 @@ _Edge = TypeVar("_Edge", Synapse, Projection)
 
 
 def silence(graph: CircuitGraph, names: Sequence[str]) -> CircuitGraph:
-    """The circuit with some of its parts silenced.
+    """Return the circuit with some of its parts silenced.
 
     A static synapse and a share in an output get the weight zero, so that all others keep their place in the
     order of a step; a synapse of another model goes, for its weight may grow again.
@@ -39,7 +39,7 @@ def silence(graph: CircuitGraph, names: Sequence[str]) -> CircuitGraph:
 
 
 def connections(graph: CircuitGraph) -> tuple[tuple[str, str], ...]:
-    """Every pair of names between which something is sent, each once, in file order, outputs last."""
+    """Return every pair of names between which something is sent, each once, in file order, outputs last."""
     edges = [(each.source, each.target) for each in _all(graph)]
     edges += [(name, output.name) for output in graph.outputs for name, _ in output.readout]
     return tuple(dict.fromkeys(edges))
@@ -79,7 +79,7 @@ def _gates(graph: CircuitGraph, name: str) -> list[Problem]:
 
 
 def _without(edge: _Edge, silent: frozenset[tuple[str, str]]) -> tuple[_Edge, ...]:
-    """What is left of it: itself, itself with no weight, or nothing."""
+    """Find what is left of it: itself, itself with no weight, or nothing."""
     if (edge.source, edge.target) not in silent:
         return (edge,)
     if edge.model != STATIC:

@@ -62,7 +62,7 @@ def _check_unit(value: object) -> object:
 
 
 def _as_tuple(value: object) -> object:
-    """A name is a list of one; a list becomes a tuple here, for behind this validator pydantic refuses it."""
+    """Make a tuple of a name or of a list, which pydantic would refuse behind this validator."""
     if isinstance(value, str):
         return (value,)
     return tuple(value) if isinstance(value, list) else value
@@ -123,7 +123,7 @@ class ParameterSpec(FileModel):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """The bare value, or the mapping."""
+        """Return the bare value, or the mapping."""
         mapping = handler.resolve_ref_schema(handler(core))
         return {"anyOf": [{"type": "number"}, {"type": "string"}, mapping]}
 

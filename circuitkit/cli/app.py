@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from typing import Annotated
 
 import typer
 
 import circuitkit
-from circuitkit.cli import (
-    bench,
-    compare,
-    design,
-    diff,
-    draw,
-    format,
-    init,
-    reproduce,
-    run,
-    schema,
-    show,
-    simulate,
-    sweep,
-    tune,
-    validate,
-)
+from circuitkit import cli
 
 # Without rich's markup the help is plain text and comes twice as fast.
 app = typer.Typer(
@@ -37,24 +23,11 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 
-for _module in (
-    init,
-    validate,
-    format,
-    show,
-    diff,
-    draw,
-    run,
-    schema,
-    simulate,
-    compare,
-    sweep,
-    tune,
-    reproduce,
-    design,
-    bench,
-):
-    _module.register(app)
+for _found in pkgutil.iter_modules(cli.__path__):  # every module with `register` is a command
+    if _found.name not in {"app", "main"}:
+        _module = importlib.import_module(f"{cli.__name__}.{_found.name}")
+        if hasattr(_module, "register"):
+            _module.register(app)
 
 COMMANDS = tuple(command.callback.__name__ for command in app.registered_commands if command.callback)
 

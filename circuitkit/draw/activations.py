@@ -88,7 +88,7 @@ class Panel:
 
 
 def _names(names: Sequence[str], size: float, beside: str) -> str:
-    """The names, or the first and the last of them, where there is no room for more beside a text."""
+    """Return the names, or the first and the last of them, where there is no room for more beside a text."""
     every = ", ".join(names)
     return every if len(names) == 1 or _fits(every + beside, size) else f"{names[0]} to {names[-1]}"
 
@@ -116,7 +116,7 @@ def draw_activations(graph: CircuitGraph, path: str | Path) -> None:
 
 
 def activations_figure(graph: CircuitGraph) -> Figure:
-    """The curves as a matplotlib figure."""
+    """Return the curves as a matplotlib figure."""
     panels = make_panels(graph)
     columns = min(_MOST_COLUMNS, max(1, len(panels)))
     columns = math.ceil(len(panels) / math.ceil(len(panels) / columns)) if panels else 1
@@ -137,7 +137,7 @@ def activations_figure(graph: CircuitGraph) -> Figure:
 
 
 def make_panels(graph: CircuitGraph) -> list[Panel]:
-    """Neurons grouped by layer, role, unit and kind of answer, no more than six curves together."""
+    """Make neurons grouped by layer, role, unit and kind of answer, no more than six curves together."""
     layer_of = make_layers(make_network(graph)).layer_of
     groups: dict[tuple[Any, ...], list[tuple[str, Neuron]]] = {}
     for node, name, neuron in _shown_neurons(graph):
@@ -161,7 +161,7 @@ def make_panels(graph: CircuitGraph) -> list[Panel]:
 
 
 def _shown_neurons(graph: CircuitGraph) -> Iterator[tuple[str, str, Neuron]]:
-    """Neurons with node and name; of a population one member for all, or three where they differ."""
+    """Yield neurons with node and name; of a population one member for all, or three where they differ."""
     for neuron in graph.neurons:
         yield neuron.name, neuron.name, neuron
     for population in graph.populations:

@@ -17,7 +17,7 @@ _HEAD = {
 
 
 def dot_text(network: Network) -> str:
-    """The circuit as a `digraph` from left to right; instances of files are clusters."""
+    """Return the circuit as a `digraph` from left to right; instances of files are clusters."""
     lines = [
         f"digraph {_quoted(network.name)} {{",
         f"  graph [rankdir=LR, fontname={_quoted(FONT)}, nodesep=0.3, ranksep=0.7];",

@@ -53,7 +53,7 @@ def draw_circuit(graph: CircuitGraph, path: str | Path) -> None:
 
 
 def circuit_figure(network: Network, *, with_legend: bool = True) -> Figure:
-    """The picture as a matplotlib figure, as large as the circuit asks for."""
+    """Return the picture as a matplotlib figure, as large as the circuit asks for."""
     layout = arrange(network)
     legend = make_legend(layout)
     width = max(layout.width, legend.width if with_legend else 0.0) + 2 * _MARGIN
@@ -103,7 +103,7 @@ def _paint_legend(axes: Axes, legend: Legend, shift: tuple[float, float]) -> Non
 
 
 def svg_text(network: Network) -> str:
-    """The picture as SVG, with the details of every node and line as its tooltip."""
+    """Return the picture as SVG, with the details of every node and line as its tooltip."""
     figure = circuit_figure(network)
     buffer = io.BytesIO()
     with house_style():

@@ -59,7 +59,7 @@ def place_labels(routes: Sequence[Route], nodes: Sequence[Box]) -> tuple[list[La
 
 
 def _best_place(text: str, route: Route, others: Callable[[Box], int], taken: Sequence[Box]) -> Label | None:
-    """The place that hides least of the other lines, and then the one nearest to three fifths of the way."""
+    """Find the place that hides least of other lines, then the nearest to three fifths of the way."""
     width, height = (size + 2 * _MARGIN for size in block_size(text, SMALL))
     line = route.polyline
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
@@ -90,7 +90,7 @@ class _Cloud:
         self._x, self._y, self._owner = points[order, 0], points[order, 1], owners[order]
 
     def without(self, owner: int) -> Callable[[Box], int]:
-        """A function that counts the points of other lines in a box or within 1 pt of it."""
+        """Return a function that counts the points of other lines in a box or within 1 pt of it."""
 
         def count(box: Box) -> int:
             begin, end = np.searchsorted(self._x, (box.left - 1.0, box.right + 1.0))

@@ -49,12 +49,12 @@ class Layers:
     bands: Mapping[Item, int] = field(default_factory=dict)
 
     def stops(self, link: Link) -> list[Item]:
-        """The source, the bends and the target of a link, in the direction of the link."""
+        """Return the source, the bends and the target of a link, in the direction of the link."""
         return _stops(link, self.layer_of)
 
 
 def make_layers(network: Network) -> Layers:
-    """The layers of a circuit: inputs first, outputs last, neurons by the longest path between them."""
+    """Make the layers of a circuit: inputs first, outputs last, neurons by the longest path between them."""
     layer_of = _layer_of(network)
     links = tuple(_directed(link, layer_of) for link in network.links)
     segments = {pair for link in links for pair in _segments(_stops(link, layer_of), layer_of)}
@@ -71,7 +71,7 @@ def make_layers(network: Network) -> Layers:
 
 
 def directed_links(network: Network) -> tuple[Link, ...]:
-    """The links, with which of them go back, where nobody needs the order in the layers."""
+    """Return the links, with which of them go back, where nobody needs the order in the layers."""
     layer_of = _layer_of(network)
     return tuple(_directed(link, layer_of) for link in network.links)
 
@@ -82,7 +82,7 @@ def _directed(link: Link, layer_of: Mapping[str, int]) -> Link:
 
 
 def _layer_of(network: Network) -> dict[str, int]:
-    """The longest path from the inputs; then nodes move right, next to their targets, where more links leave.
+    """Take the longest path from the inputs; move nodes right to their targets if more links leave.
 
     In a cycle, synapses from a neuron to one above it in the file do not count: as in the timing `ordered`,
     they bring the value of the last tick.
@@ -125,7 +125,7 @@ def _stops(link: Link, layer_of: Mapping[str, int]) -> list[Item]:
 
 
 def _segments(stops: Sequence[Item], layer_of: Mapping[str, int]) -> Iterable[tuple[Item, Item]]:
-    """Pairs of neighbours in neighbouring layers, the left one first."""
+    """Yield pairs of neighbours in neighbouring layers, the left one first."""
     for one, other in pairwise(stops):
         here, there = layer_at(one, layer_of), layer_at(other, layer_of)
         if here != there:
@@ -133,14 +133,14 @@ def _segments(stops: Sequence[Item], layer_of: Mapping[str, int]) -> Iterable[tu
 
 
 def layer_at(item: Item, layer_of: Mapping[str, int]) -> int:
-    """The layer in which an item stands."""
+    """Return the layer in which an item stands."""
     return item.layer if isinstance(item, Bend) else layer_of[item]
 
 
 def make_bands(
     network: Network, layer_of: Mapping[str, int], links: Iterable[Link], bends: Iterable[Bend]
 ) -> dict[Item, int]:
-    """The band in which an item stands, one for each instance from top to bottom, so that none mix.
+    """Make the band in which an item stands, one for each instance from top to bottom, so that none mix.
 
     Only items in layers that some instance reaches have a band; what belongs to no instance and leads to
     none has the one below all others.
@@ -209,7 +209,7 @@ def _sort_by_neighbours(
 
 
 def _places(order: Iterable[Sequence[Item]]) -> dict[Item, float]:
-    """Position in the layer, from 0 at the top to 1 at the bottom."""
+    """Return position in the layer, from 0 at the top to 1 at the bottom."""
     return {item: (i + 0.5) / len(layer) for layer in order for i, item in enumerate(layer)}
 
 
@@ -237,13 +237,13 @@ def _swap_neighbours(
 
 
 def _crossed(above: Iterable[Item], below: Iterable[Item], place: Mapping[Item, int]) -> int:
-    """Crossings of the links of two neighbours, the first of which stands above."""
+    """Return crossings of the links of two neighbours, the first of which stands above."""
     lower = sorted(place[item] for item in below)
     return sum(sum(1 for position in lower if position < place[item]) for item in above)
 
 
 def _crossings(one: Sequence[Item], other: Sequence[Item], right: Mapping[Item, Sequence[Item]]) -> int:
-    """Crossings between two layers: pairs of links whose ends stand in opposite orders."""
+    """Return crossings between two layers: pairs of links whose ends stand in opposite orders."""
     place = {item: i for i, item in enumerate(other)}
     total = 0
     seen: list[int] = []

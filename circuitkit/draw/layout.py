@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from circuitkit.draw.back_edges import BackEdges
 from circuitkit.draw.labels import Label, place_labels
-from circuitkit.draw.lanes import Lanes
 from circuitkit.draw.layers import Bend, Item, Layers, layer_at, make_layers
 from circuitkit.draw.network import Link, Network, Node
 from circuitkit.draw.placing import place_vertically, separate_bands
 from circuitkit.draw.routing import (
     Column,
-    End,
+    Endpoint,
     Route,
     backward_route,
     forward_route,
@@ -105,12 +105,14 @@ def arrange(network: Network) -> Layout:
 
 def _arrange(network: Network, layers: Layers, stretch: float) -> Layout:
     arrivals = Counter(link.target for link in layers.links if not link.backward)
-    lanes = Lanes(layers)
-    faces = {node.name: _face(node, arrivals[node.name], lanes.width(node.name)) for node in network.nodes}
+    back_edges = BackEdges(layers)
+    faces = {
+        node.name: _face(node, arrivals[node.name], back_edges.width(node.name)) for node in network.nodes
+    }
     reach: dict[Item, tuple[float, float]] = {}
     for layer in layers.order:
         for item in layer:
-            reach[item] = (2.0, 2.0) if isinstance(item, Bend) else _reach(faces[item], lanes)
+            reach[item] = (2.0, 2.0) if isinstance(item, Bend) else _reach(faces[item], back_edges)
     pairs = {pair for link in layers.links for pair in _pairs(link, layers)}
     heights = place_vertically(layers.order, sorted(pairs, key=str), reach, _NODE_GAP)
     if layers.bands:
@@ -122,7 +124,7 @@ def _arrange(network: Network, layers: Layers, stretch: float) -> Layout:
         name: replace(face, box=_stand(face.box, columns[layers.layer_of[name]], heights[name]))
         for name, face in faces.items()
     }
-    routes = _routes(layers, nodes, heights, columns, lanes)
+    routes = _routes(layers, nodes, heights, columns, back_edges)
     labels, homeless = place_labels(routes, [_whole(node) for node in nodes.values()])
     groups = _groups(network, layers, columns, {item: heights[item] for item in layers.bands}, reach)
     bottom = max((heights[item] + reach[item][1] for item in heights), default=0.0)
@@ -137,7 +139,7 @@ def _groups(
     heights: Mapping[Item, float],
     reach: Mapping[Item, tuple[float, float]],
 ) -> tuple[GroupBox, ...]:
-    """The frame of every instance: its columns across, its band in height."""
+    """Return the frame of every instance: its columns across, its band in height."""
     found = []
     for group in dict.fromkeys(node.group for node in network.nodes if node.group):
         names = [node.name for node in network.nodes if node.group == group]
@@ -152,7 +154,7 @@ def _groups(
 
 
 def _face(node: Node, arrivals: int, least_width: float) -> NodeBox:
-    """A node with its size, at the origin."""
+    """Return a node with its size, at the origin."""
     lines, shape = node.lines, _SHAPES[node.role]
     widths = [text_size(lines[0], NORMAL)[0], *(text_size(line, SMALL)[0] for line in lines[1:])]
     tall = NORMAL * LINE_HEIGHT + SMALL * LINE_HEIGHT * (len(lines) - 1) + 2 * _PAD
@@ -166,19 +168,19 @@ def _face(node: Node, arrivals: int, least_width: float) -> NodeBox:
 
 
 def _whole(node: NodeBox) -> Box:
-    """The extent of a node with the outlines behind it."""
+    """Return the extent of a node with the outlines behind it."""
     more = 2 * node.stack
     return Box(node.box.x + more / 2, node.box.y - more / 2, node.box.width + more, node.box.height + more)
 
 
 def _rear(node: NodeBox) -> Box:
-    """The hindmost outline of a node, which lines from above meet and lines to the right leave from."""
+    """Give the hindmost outline of a node, which lines from above meet and lines to the right leave from."""
     return replace(node.box, x=node.box.x + 2 * node.stack, y=node.box.y - 2 * node.stack)
 
 
-def _reach(face: NodeBox, lanes: Lanes) -> tuple[float, float]:
-    half, beyond, stack = face.box.height / 2, lanes.reach(face.name), 2 * face.stack
-    if lanes.side[face.name] < 0:
+def _reach(face: NodeBox, back_edges: BackEdges) -> tuple[float, float]:
+    half, beyond, stack = face.box.height / 2, back_edges.reach(face.name), 2 * face.stack
+    if back_edges.side[face.name] < 0:
         return half + stack + beyond, half
     return half + stack, half + beyond
 
@@ -198,7 +200,7 @@ def _columns(
     heights: Mapping[Item, float],
     stretch: float,
 ) -> list[Column]:
-    """Columns as wide as their widest node; gaps as wide as their steepest line and their labels ask for."""
+    """Make columns as wide as their widest node, gaps as wide as lines and labels ask for."""
     count = len(layers.order)
     rise, words = [0.0] * count, [0.0] * count
     for link in layers.links:
@@ -231,7 +233,7 @@ def _routes(
     nodes: Mapping[str, NodeBox],
     heights: Mapping[Item, float],
     columns: list[Column],
-    lanes: Lanes,
+    back_edges: BackEdges,
 ) -> list[Route]:
     arrive, leave = _offsets(layers, nodes, heights)
     routes = []
@@ -240,14 +242,15 @@ def _routes(
         ends = (layers.layer_of[link.source], layers.layer_of[link.target])
         bends = [(item.layer, heights[item]) for item in layers.stops(link) if isinstance(item, Bend)]
         if not link.backward:
-            departure = End(_rear(source), source.shape, leave[link])
-            arrival = End(target.box, target.shape, arrive[link])
+            departure = Endpoint(_rear(source), source.shape, leave[link])
+            arrival = Endpoint(target.box, target.shape, arrive[link])
             routes.append(forward_route(link, departure, arrival, bends, columns, ends))
             continue
         meets = [
-            (_rear(node) if lanes.side[node.name] < 0 else node.box, node.shape) for node in (source, target)
+            (_rear(node) if back_edges.side[node.name] < 0 else node.box, node.shape)
+            for node in (source, target)
         ]
-        out, back = lanes.ends(link, meets[0], meets[1])
+        out, back = back_edges.endpoints(link, meets[0], meets[1])
         routes.append(backward_route(link, out, back, bends, columns, ends))
     return routes
 
@@ -255,7 +258,7 @@ def _routes(
 def _offsets(
     layers: Layers, nodes: Mapping[str, NodeBox], heights: Mapping[Item, float]
 ) -> tuple[dict[Link, float], dict[Link, float]]:
-    """Where forward links arrive on the left and leave on the right; those to one bend leave as one."""
+    """Find where forward links arrive on the left and leave on the right; those to one bend leave as one."""
     arrive: dict[Link, float] = {}
     leave: dict[Link, float] = {}
     forward = [link for link in layers.links if not link.backward]
@@ -264,7 +267,7 @@ def _offsets(
             {link: heights[layers.stops(link)[-2]] for link in forward if link.target == name}, _PORT
         )
         first = {link: layers.stops(link)[1] for link in forward if link.source == name}
-        spread = 0.0 if nodes[name].shape == "tag" else _OUT_PORT  # a tag's lines leave from its tip
-        places = ports({item: heights[item] for item in first.values()}, spread)
+        port = 0.0 if nodes[name].shape == "tag" else _OUT_PORT  # a tag's lines leave from its tip
+        places = ports({item: heights[item] for item in first.values()}, port)
         leave |= {link: places[item] for link, item in first.items()}
     return arrive, leave

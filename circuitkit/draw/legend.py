@@ -43,7 +43,7 @@ class Legend:
 
 
 def make_legend(layout: Layout) -> Legend:
-    """The legend for the roles and kinds that a layout shows, in rows no wider than the drawing."""
+    """Make the legend for the roles and kinds that a layout shows, in rows no wider than the drawing."""
     roles = [role for role in _ROLES if any(node.role == role for node in layout.nodes.values())]
     links = [route.link for route in layout.routes]
     kinds = [kind for kind in _KINDS if any(link.kind == kind for link in links)]

@@ -32,18 +32,18 @@ _HEAD_LENGTH, _HEAD_HALF, _BAR_HALF, _OPEN_HALF = 7.5, 3.2, 4.2, 3.4
 
 
 def node_id(name: str) -> str:
-    """Identifier of a node in an SVG."""
+    """Return identifier of a node in an SVG."""
     return f"node-{name}"
 
 
 def line_ids(link: Link) -> tuple[str, str, str]:
-    """Identifiers of the parts of a line in an SVG: the stroke, its white rim, its head."""
+    """Return identifiers of the parts of a line in an SVG: the stroke, its white rim, its head."""
     name = f"{link.source}-{link.target}" + (f"-{link.number}" if link.number else "")
     return f"line-{name}", f"rim-{name}", f"head-{name}"
 
 
 def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
-    """A node with its text."""
+    """Add a node with its text."""
     from matplotlib.patches import PathPatch  # 0.2 s, which running a circuit need not wait for
 
     x, y = node.box.x + shift[0], node.box.y + shift[1]
@@ -71,7 +71,7 @@ def add_node(axes: Axes, node: NodeBox, shift: Point) -> None:
 
 
 def add_group(axes: Axes, group: GroupBox, shift: Point) -> None:
-    """The frame of an instance, behind everything, with its name."""
+    """Add the frame of an instance, behind everything, with its name."""
     from matplotlib.patches import PathPatch  # 0.2 s, which running a circuit need not wait for
 
     box = group.box
@@ -90,7 +90,7 @@ def add_group(axes: Axes, group: GroupBox, shift: Point) -> None:
 
 
 def add_text(axes: Axes, at: Point, text: str, size: float, colour: str, **more: Any) -> None:  # noqa: ANN401 - whatever `Axes.text` takes
-    """Some lines of text around a point, or to the right of it if asked; what stands in it is no formula."""
+    """Add lines of text around a point, or to the right of it; nothing in them is a formula."""
     vertical = "center" if "\n" in text else "center_baseline"
     align: dict[str, Any] = {"horizontalalignment": "center", "verticalalignment": vertical}
     align["linespacing"] = LINE_HEIGHT
@@ -98,7 +98,7 @@ def add_text(axes: Axes, at: Point, text: str, size: float, colour: str, **more:
 
 
 def add_line(axes: Axes, route: Route, shift: Point, zorder: float) -> None:
-    """A line on a white rim, with the head of its kind."""
+    """Add a line on a white rim, with the head of its kind."""
     from matplotlib.patches import PathPatch  # 0.2 s, which running a circuit need not wait for
 
     colour = KIND_COLOUR[route.link.kind]
@@ -155,7 +155,7 @@ def _head(route: Route) -> tuple[Outline, dict[str, Any]]:
 
 
 def _shortened(route: Route) -> tuple[Point, ...]:
-    """The points of a line that ends inside its head, which hides the end."""
+    """Return the points of a line that ends inside its head, which hides the end."""
     inside = {"inhibitory": 2.0, "sensorial": 1.5}.get(route.link.kind, _HEAD_LENGTH - 1.0)
     (x, y), (ux, uy) = route.tip, route.heading
     return (*route.points[:-1], (x - inside * ux, y - inside * uy))

@@ -1,7 +1,7 @@
 """What a picture of a circuit shows: nodes for inputs, neurons, populations and outputs, and lines between.
 
 A population is one node and a projection one line, however large they are. What the other modules of this
-room arrange and paint is made here, with all its words.
+package arrange and paint is made here, with all its words.
 """
 
 from __future__ import annotations
@@ -99,13 +99,13 @@ class Network:
 
 
 def make_network(graph: CircuitGraph) -> Network:
-    """What a picture of a circuit shows."""
-    ends = _Ends(graph)
+    """Find what a picture of a circuit shows."""
+    endpoints = _Endpoints(graph)
     nodes = [_input(each) for each in graph.inputs]
     neurons: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     nodes += [_neuron(each) for each in neurons]
     nodes += [_output(each) for each in graph.outputs]
-    links = [*_synapses(graph, ends), *_projections(graph, ends), *_readouts(graph)]
+    links = [*_synapses(graph, endpoints), *_projections(graph, endpoints), *_readouts(graph)]
     seen: Counter[tuple[str, str]] = Counter()
     numbered = []
     for link in links:
@@ -115,12 +115,12 @@ def make_network(graph: CircuitGraph) -> Network:
 
 
 def node_of(name: str) -> str:
-    """The population of a member such as `ring[3]`, or the name itself."""
+    """Return the population of a member such as `ring[3]`, or the name itself."""
     return name.partition("[")[0]
 
 
 def _split(name: str) -> tuple[str, str]:
-    """The outermost instance that a name belongs to, and the rest of the name."""
+    """Return the outermost instance that a name belongs to, and the rest of the name."""
     group, dot, rest = name.partition(".")
     return (group, rest) if dot else ("", name)
 
@@ -159,8 +159,8 @@ def _neuron(node: Neuron | Population) -> Node:
     return Node(node.name, node.role, lines, details, size, group)
 
 
-def _synapses(graph: CircuitGraph, ends: _Ends) -> Iterator[Link]:
-    """A line for every synapse; those between members of the same nodes share one if they are alike."""
+def _synapses(graph: CircuitGraph, endpoints: _Endpoints) -> Iterator[Link]:
+    """Yield a line for every synapse; those between members of the same nodes share one if they are alike."""
     alike: dict[tuple[str, ...], list[Synapse]] = {}
     for each in graph.synapses:
         key = (node_of(each.source), node_of(each.target), each.kind, each.model.name, f"{each.delay_s}")
@@ -173,22 +173,22 @@ def _synapses(graph: CircuitGraph, ends: _Ends) -> Iterator[Link]:
         elif "[" in first.source + first.target:
             words = [" to ".join(f"[{n.partition('[')[2]}" for n in (first.source, first.target) if "[" in n)]
         weights = np.array([each.weight for each in group])
-        yield from _lines(first, weights, words, ends)
+        yield from _lines(first, weights, words, endpoints)
 
 
-def _projections(graph: CircuitGraph, ends: _Ends) -> Iterator[Link]:
+def _projections(graph: CircuitGraph, endpoints: _Endpoints) -> Iterator[Link]:
     for each in graph.projections:
-        rule = rule_text(each, ends.size(each.source), ends.size(each.target))
-        yield from _lines(each, each.weights, [rule], ends)
+        rule = rule_text(each, endpoints.size(each.source), endpoints.size(each.target))
+        yield from _lines(each, each.weights, [rule], endpoints)
 
 
 def _lines(
-    edge: Synapse | Projection, weights: PerMember, words: Sequence[str], ends: _Ends
+    edge: Synapse | Projection, weights: PerMember, words: Sequence[str], endpoints: _Endpoints
 ) -> Iterator[Link]:
-    """The line of synapses that are alike but for their weights, and that of their gate."""
+    """Yield the line of synapses that are alike but for their weights, and that of their gate."""
     source, target = node_of(edge.source), node_of(edge.target)
     model = edge.model
-    weight = ends.weight(edge, weights)
+    weight = endpoints.weight(edge, weights)
     more = [] if model.name == "static" else [model.name.replace("_", " ")]
     if edge.delay_s:
         more.append(f"{number(edge.delay_s * 1e3)} ms")
@@ -202,11 +202,11 @@ def _lines(
     )
     yield Link(source, target, edge.kind, label, _joined(head, ", ".join(parameters)))
     if edge.gate:
-        told = f"{edge.gate} gates {source} to {target}"
-        yield Link(node_of(edge.gate), target, "gate", f"\N{MULTIPLICATION SIGN} {source}", told)
+        details = f"{edge.gate} gates {source} to {target}"
+        yield Link(node_of(edge.gate), target, "gate", f"\N{MULTIPLICATION SIGN} {source}", details)
 
 
-class _Ends:
+class _Endpoints:
     """The nodes that synapses and projections join, by name."""
 
     def __init__(self, graph: CircuitGraph) -> None:
@@ -215,12 +215,12 @@ class _Ends:
         self._neurons |= {each.name: each for each in graph.populations}
 
     def size(self, name: str) -> int:
-        """How many neurons a node has."""
+        """Find how many neurons a node has."""
         node = self._neurons.get(name)
         return node.size if isinstance(node, Population) else _SINGLE
 
     def weight(self, edge: Synapse | Projection, weights: PerMember) -> str:
-        """Weights as text."""
+        """Return weights as text."""
         source = self._inputs.get(node_of(edge.source))
         above = self._neurons[node_of(edge.target)].activation_unit
         below = DIMENSIONLESS if source is None else source.unit
@@ -231,12 +231,12 @@ class _Ends:
 
 
 def _is_plain(weights: PerMember, kind: str) -> bool:
-    """Whether a line needs no weight: 1, or -1 if it inhibits, in SI units."""
+    """Check whether a line needs no weight: 1, or -1 if it inhibits, in SI units."""
     return bool(np.all(weights == 1.0) or (kind == "inhibitory" and np.all(weights == -1.0)))
 
 
 def _readouts(graph: CircuitGraph) -> Iterator[Link]:
-    """A line for everything that an output reads; members of one population share theirs."""
+    """Yield a line for everything that an output reads; members of one population share theirs."""
     for output in graph.outputs:
         read: dict[str, list[PerMember]] = {}
         for name, weight in output.readout:

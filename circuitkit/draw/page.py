@@ -80,7 +80,7 @@ def add_tooltips(svg: str, texts: Mapping[str, tuple[str, str]]) -> str:
 
 
 def html_page(network: Network, svg: str) -> str:
-    """A page of its own: the picture, and the details of what the pointer is on. It loads nothing."""
+    """Return a page of its own: the picture, and the details of what the pointer is on. It loads nothing."""
     return _PAGE.format(
         title=html.escape(network.name),
         description=html.escape(network.description),

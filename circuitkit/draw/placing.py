@@ -20,7 +20,7 @@ def place_vertically(
     reach: Mapping[Item, tuple[float, float]],
     gap: float,
 ) -> dict[Item, float]:
-    """Heights that make links as level as possible: the least sum of squared height differences.
+    """Place heights that make links as level as possible: the least sum of squared height differences.
 
     Layer after layer moves to the weighted mean of its neighbours, kept apart by isotonic regression, until
     it rests.
@@ -60,7 +60,7 @@ def separate_bands(
     bands: Mapping[Item, int],
     gap: float,
 ) -> dict[Item, float]:
-    """Heights at which the bands stand below each other, however far they reach into each other before.
+    """Give heights at which the bands stand below each other, however far they reach into each other before.
 
     Args:
         order: The items of each layer from top to bottom.
@@ -83,7 +83,7 @@ def separate_bands(
     for layer in order:  # those without bands go along with what they stand beside
         free = [item for item in layer if item not in bands]
         for item, level in zip(
-            free, _spread(free, heights, reach, gap, before, after[0], stretch), strict=True
+            free, _drawn_out(free, heights, reach, gap, before, after[0], stretch), strict=True
         ):
             moved[item] = level
     top = min(moved[item] - reach[item][0] for item in moved)
@@ -95,7 +95,7 @@ def _span(heights: Mapping[Item, float], bands: Mapping[Item, int]) -> tuple[flo
     return min(levels), max(levels)
 
 
-def _spread(
+def _drawn_out(
     layer: Sequence[Item],
     heights: Mapping[Item, float],
     reach: Mapping[Item, tuple[float, float]],
@@ -104,7 +104,7 @@ def _spread(
     start: float,
     stretch: float,
 ) -> list[float]:
-    """Heights of a layer that is drawn out with the others, none closer than it may."""
+    """Return heights of a layer that is drawn out with the others, none closer than it may."""
     offsets = _spacing(layer, reach, gap)
     wanted = [start + (heights[item] - before[0]) * stretch for item in layer]
     levels = ascending([w - o for w, o in zip(wanted, offsets, strict=True)], [1.0] * len(layer))
@@ -112,7 +112,7 @@ def _spread(
 
 
 def _spacing(layer: Sequence[Item], reach: Mapping[Item, tuple[float, float]], gap: float) -> list[float]:
-    """Heights of the items when they stand as close as they may, the first at 0."""
+    """Return heights of the items when they stand as close as they may, the first at 0."""
     offsets = [0.0] * len(layer)
     for i in range(1, len(layer)):
         above, below = layer[i - 1], layer[i]
@@ -138,7 +138,7 @@ def _settle(
 
 
 def ascending(values: Sequence[float], weights: Sequence[float]) -> list[float]:
-    """The ascending sequence with the least weighted sum of squared differences (pool adjacent violators)."""
+    """Find the ascending sequence of least weighted squared differences (pool adjacent violators)."""
     pools: list[tuple[float, float, int]] = []  # mean, weight, count
     for value, weight in zip(values, weights, strict=True):
         pool = (value, weight, 1)

@@ -51,13 +51,13 @@ class Response:
 
 
 def centres(neuron: Neuron) -> list[float]:
-    """Activations at which a memoryless neuron's curve has its middle or its corner, [SI]."""
+    """Return activations at which a memoryless neuron's curve has its middle or its corner, [SI]."""
     parameters = neuron.model.parameters
     return [neuron.parameters[p.name] for p in parameters if _power(p) == 1]
 
 
 def width(neuron: Neuron) -> float:
-    """How much activation a memoryless neuron's curve needs to rise, [SI]; 0 if it jumps."""
+    """Find how much activation a memoryless neuron's curve needs to rise, [SI]; 0 if it jumps."""
     parameters = neuron.model.parameters
     slopes = [neuron.parameters[p.name] for p in parameters if _power(p) == -1]
     return max((1 / abs(slope) for slope in slopes if slope), default=0.0)
@@ -70,7 +70,7 @@ def _power(parameter: ModelParameter) -> int:
 
 
 def span(neurons: list[Neuron]) -> tuple[float, float]:
-    """The activations that show what the curves of neurons do, and 0, [SI]."""
+    """Return the activations that show what the curves of neurons do, and 0, [SI]."""
     if neurons[0].model.activation is not None:
         spans = [_held_span(neuron) for neuron in neurons]
         return min(low for low, _ in spans), max(high for _, high in spans)
@@ -82,7 +82,7 @@ def span(neurons: list[Neuron]) -> tuple[float, float]:
 
 
 def response(neuron: Neuron, low: float, high: float) -> Response:
-    """What a neuron answers between two activations, [SI]."""
+    """Find what a neuron answers between two activations, [SI]."""
     if neuron.model.states:
         return _held(neuron, np.linspace(low, high, _HELD_POINTS))
     activation = _grid(neuron, low, high)
@@ -90,14 +90,14 @@ def response(neuron: Neuron, low: float, high: float) -> Response:
 
 
 def function(neuron: Neuron, activation: FloatArray) -> FloatArray:
-    """The output of a memoryless neuron at activations, [SI]."""
+    """Return the output of a memoryless neuron at activations, [SI]."""
     with np.errstate(all="ignore"):
         found = neuron.model.output.evaluate({**neuron.parameters, ACTIVATION: activation}, NUMPY_FUNCTIONS)
     return np.broadcast_to(np.asarray(found, dtype=np.float64), activation.shape)
 
 
 def member(population: Population, index: int) -> Neuron:
-    """A member of a population as a neuron of its own."""
+    """Return a member of a population as a neuron of its own."""
 
     def one(values: object) -> float:
         return float(np.broadcast_to(np.asarray(values), (population.size,))[index])
@@ -116,7 +116,7 @@ def member(population: Population, index: int) -> Neuron:
 
 
 def _grid(neuron: Neuron, low: float, high: float) -> FloatArray:
-    """Activations to compute at: evenly spaced, and close together where a curve is steep."""
+    """Return activations to compute at: evenly spaced, and close together where a curve is steep."""
     parts = [np.linspace(low, high, _POINTS)]
     for centre in centres(neuron):
         wide = max(width(neuron), 1e-9 * (high - low))
@@ -138,7 +138,7 @@ def _held_span(neuron: Neuron) -> tuple[float, float]:
 
 
 def _held(neuron: Neuron, activation: FloatArray) -> Response:
-    """What the neuron settles to at each activation; where it diverges beyond one, only up to that one."""
+    """Find what the neuron settles to at each activation, up to where it diverges."""
     while True:
         try:
             output = _run_held(neuron, activation)
@@ -158,7 +158,7 @@ def _held(neuron: Neuron, activation: FloatArray) -> Response:
 
 
 def _run_held(neuron: Neuron, activation: FloatArray) -> FloatArray:
-    """Outputs over time, shape (T, k); of a spiking neuron the spikes in every control step."""
+    """Return outputs over time, shape (T, k); of a spiking neuron the spikes in every control step."""
     slow, fast = _times(neuron)
     least, finest = (_LEAST_S, 1) if neuron.model.spike is None else (_LEAST_SPIKING_S, _SPIKING)
     steps = math.ceil(min(max(_HELD_FOR * slow, least), _MOST_S) / _STEP_S)
@@ -180,7 +180,7 @@ def _rates(spikes: FloatArray) -> FloatArray:
 
 
 def _times(neuron: Neuron) -> tuple[float, float]:
-    """The slowest and the quickest time constant among the parameters of a neuron, [s]."""
+    """Return the slowest and the quickest time constant among the parameters of a neuron, [s]."""
     found = [_LEAST_S / _HELD_FOR]
     for parameter in neuron.model.parameters:
         value = abs(neuron.parameters[parameter.name])
@@ -191,7 +191,7 @@ def _times(neuron: Neuron) -> tuple[float, float]:
 
 
 def _alone(neuron: Neuron, substeps: int) -> CircuitGraph:
-    """A circuit of one neuron whose activation is its input; without noise."""
+    """Return a circuit of one neuron whose activation is its input; without noise."""
     unit = Unit(ACTIVATION, neuron.activation_unit.dimension.si_unit.factor, neuron.activation_unit.dimension)
     return CircuitGraph(
         name="held",

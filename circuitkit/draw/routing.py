@@ -2,8 +2,8 @@
 
 So no line meets a node that it does not belong to, whatever the circuit: in a column every line has a height
 of its own that `place_vertically` keeps free, and in a gap there are no nodes. A link that goes back inside a
-cycle leaves at the top or bottom of its source and comes in at the top or bottom of its target, in lanes that
-belong to the two nodes.
+cycle leaves at the top or bottom of its source and comes in at the top or bottom of its target, on tracks
+that belong to the two nodes.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class End:
+class Endpoint:
     """Where a link meets a node.
 
     Attributes:
@@ -46,14 +46,14 @@ class End:
         shape: Its outline, see `inset`.
         offset: Along the side where the link meets it, from its middle, [pt].
         side: 0 for the left or right side, -1 for the upper, 1 for the lower side.
-        lane: Height of the lane if it meets the upper or lower side, [pt].
+        track: Height of the track if it meets the upper or lower side, [pt].
     """
 
     box: Box
     shape: str
     offset: float = 0.0
     side: int = 0
-    lane: float = 0.0
+    track: float = 0.0
 
     @property
     def x(self) -> float:
@@ -102,7 +102,7 @@ class Route:
 
 
 def _trace(corners: FloatArray) -> FloatArray:
-    """Points on a Bezier curve of any degree, without the first one (de Casteljau)."""
+    """Return points on a Bezier curve of any degree, without the first one (de Casteljau)."""
     count = max(1, math.ceil(np.hypot(*np.diff(corners, axis=0).T).sum() / _STEP))
     t = np.arange(1, count + 1)[:, np.newaxis] / count
     rows = [np.broadcast_to(corner, (count, 2)) for corner in corners]
@@ -128,7 +128,7 @@ class _Pen:
         self.codes += "CCC"
 
     def swing(self, x: float, y: float) -> None:
-        """A curve to (x, y) that is level at both ends."""
+        """Add a curve to (x, y) that is level at both ends."""
         x0, y0 = self.points[-1]
         if abs(y - y0) < _TINY:
             self.line(x, y)
@@ -137,7 +137,7 @@ class _Pen:
             self.curve((middle, y0), (middle, y), (x, y))
 
     def turn(self, corner: Point, end: Point) -> None:
-        """A quarter of a circle to `end`, around the inside of `corner`."""
+        """Add a quarter of a circle to `end`, around the inside of `corner`."""
         start = self.points[-1]
         first = (start[0] + 0.55 * (corner[0] - start[0]), start[1] + 0.55 * (corner[1] - start[1]))
         second = (end[0] + 0.55 * (corner[0] - end[0]), end[1] + 0.55 * (corner[1] - end[1]))
@@ -149,8 +149,8 @@ class _Pen:
 
 def forward_route(
     link: Link,
-    source: End,
-    target: End,
+    source: Endpoint,
+    target: Endpoint,
     bends: Sequence[tuple[int, float]],
     columns: Sequence[Column],
     layers: tuple[int, int],
@@ -179,8 +179,8 @@ def forward_route(
 
 def backward_route(
     link: Link,
-    source: End,
-    target: End,
+    source: Endpoint,
+    target: Endpoint,
     bends: Sequence[tuple[int, float]],
     columns: Sequence[Column],
     layers: tuple[int, int],
@@ -188,33 +188,33 @@ def backward_route(
     """From the top or bottom of the source, to the left, to that of the target; see `forward_route`."""
     pen = _Pen(source.x, source.rim)
     radius = (source.x - target.x) / 2 if link.source == link.target else _TURN
-    pen.line(source.x, source.lane - source.side * radius)
-    pen.turn((source.x, source.lane), (source.x - radius, source.lane))
+    pen.line(source.x, source.track - source.side * radius)
+    pen.turn((source.x, source.track), (source.x - radius, source.track))
     if link.source == link.target:
         return _come_in(pen, link, target, radius)
-    pen.line(columns[layers[0]].left, source.lane)
+    pen.line(columns[layers[0]].left, source.track)
     if layers[0] == layers[1]:
         x = columns[layers[0]].left
-        bulge = min(24.0, 8.0 + 0.25 * abs(source.lane - target.lane))
-        pen.curve((x - bulge, source.lane), (x - bulge, target.lane), (x, target.lane))
+        bulge = min(24.0, 8.0 + 0.25 * abs(source.track - target.track))
+        pen.curve((x - bulge, source.track), (x - bulge, target.track), (x, target.track))
         return _come_in(pen, link, target, -_TURN)
     for layer, height in bends:
         pen.swing(columns[layer].right, height)
         pen.line(columns[layer].left, height)
-    pen.swing(columns[layers[1]].right, target.lane)
+    pen.swing(columns[layers[1]].right, target.track)
     return _come_in(pen, link, target, _TURN)
 
 
-def _come_in(pen: _Pen, link: Link, target: End, radius: float) -> Route:
-    """Along the target's lane from the right (from the left if `radius` is negative), then onto the node."""
+def _come_in(pen: _Pen, link: Link, target: Endpoint, radius: float) -> Route:
+    """Along the target's track from the right (from the left if `radius` is negative), then onto the node."""
     x = target.x
-    pen.line(x + radius, target.lane)
-    pen.turn((x, target.lane), (x, target.lane - target.side * abs(radius)))
+    pen.line(x + radius, target.track)
+    pen.turn((x, target.track), (x, target.track - target.side * abs(radius)))
     pen.line(x, target.rim)
     return pen.route(link, (0.0, -float(target.side)))
 
 
 def ports(heights: Mapping[_Key, float], spacing: float) -> dict[_Key, float]:
-    """Offsets along one side of a node, in the order of where the lines go to or come from, [pt]."""
+    """Return offsets along one side of a node, in the order of where the lines go to or come from, [pt]."""
     ordered = sorted(heights, key=lambda key: heights[key])
     return {key: spacing * (i - (len(ordered) - 1) / 2) for i, key in enumerate(ordered)}

@@ -53,7 +53,7 @@ class Box:
         return self.y + self.height / 2
 
     def overlaps(self, other: Box, margin: float = 0.0) -> bool:
-        """Whether the two come closer than `margin`."""
+        """Check whether the two come closer than `margin`."""
         near_x = abs(self.x - other.x) < (self.width + other.width) / 2 + margin
         return near_x and abs(self.y - other.y) < (self.height + other.height) / 2 + margin
 
@@ -67,7 +67,7 @@ class Outline:
 
 
 def capsule(width: float, height: float) -> Outline:
-    """A circle drawn out to the size: an excitatory neuron."""
+    """Return a circle drawn out to the size: an excitatory neuron."""
     a, b, r = width / 2, height / 2, min(width, height) / 2
     k = r * _KAPPA
     corners = (
@@ -81,7 +81,7 @@ def capsule(width: float, height: float) -> Outline:
 
 
 def octagon(width: float, height: float) -> Outline:
-    """A rectangle with cut corners: an inhibitory neuron."""
+    """Return a rectangle with cut corners: an inhibitory neuron."""
     a, b, c = width / 2, height / 2, _cut(height)
     points = (
         (a - c, -b),
@@ -101,21 +101,21 @@ def _cut(height: float) -> float:
 
 
 def tag(width: float, height: float) -> Outline:
-    """A rectangle with a tip to the right: an input."""
+    """Return a rectangle with a tip to the right: an input."""
     a, b = width / 2, height / 2
     points = ((-a, -b), (a - _TIP, -b), (a, 0.0), (a - _TIP, b), (-a, b))
     return Outline((*points, points[0]), "M" + "L" * 5)
 
 
 def rectangle(width: float, height: float) -> Outline:
-    """A rectangle: an output."""
+    """Return a rectangle: an output."""
     a, b = width / 2, height / 2
     points = ((-a, -b), (a, -b), (a, b), (-a, b))
     return Outline((*points, points[0]), "M" + "L" * 4)
 
 
 def inset(shape: str, box: Box, offset: float, *, vertical: bool) -> float:
-    """How far inside its box an outline begins, at a distance `offset` from the middle of a side.
+    """Find how far inside its box an outline begins, at a distance `offset` from the middle of a side.
 
     Args:
         shape: "capsule", "octagon", "tag" or "rectangle".
@@ -135,7 +135,7 @@ def inset(shape: str, box: Box, offset: float, *, vertical: bool) -> float:
 
 @lru_cache(maxsize=4096)
 def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
-    """Width and height of a line of text, [pt]; the height is that of the font, whatever the letters."""
+    """Give width and height of a line of text, [pt]; the height is that of the font, whatever the letters."""
     from matplotlib.font_manager import FontProperties  # 0.2 s, which running a circuit need not wait for
     from matplotlib.textpath import TextPath  # 0.2 s, which running a circuit need not wait for
 
@@ -147,6 +147,6 @@ def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, flo
 
 
 def block_size(text: str, size: float) -> tuple[float, float]:
-    """Width and height of some lines of text, [pt]."""
+    """Return width and height of some lines of text, [pt]."""
     lines = text.split("\n")
     return max(text_size(line, size)[0] for line in lines), size * (1 + LINE_HEIGHT * (len(lines) - 1))

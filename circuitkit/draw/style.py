@@ -61,7 +61,7 @@ def house_style() -> Iterator[None]:
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """An empty figure of its own, unknown to pyplot, [in]."""
+    """Make an empty figure of its own, unknown to pyplot, [in]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # 0.2 s, as above
     from matplotlib.figure import Figure  # 0.2 s, as above
 
@@ -78,7 +78,7 @@ def axes_at(
     height_in: float,
     sharex: Axes | None = None,
 ) -> Axes:
-    """Axes at a place that is measured from the upper left corner of the figure, [in]."""
+    """Return axes at a place that is measured from the upper left corner of the figure, [in]."""
     width, height = figure.get_size_inches()
     bottom = height - top_in - height_in
     return figure.add_axes(
@@ -87,13 +87,13 @@ def axes_at(
 
 
 def plain_legend(axes: Axes, corner: str, at: tuple[float, float], **more: Any) -> None:  # noqa: ANN401 - whatever `Axes.legend` takes
-    """A legend without a frame whose corner stands at a place, in units of the axes."""
+    """Add a legend without a frame whose corner stands at a place, in units of the axes."""
     options: Any = {"loc": corner, "bbox_to_anchor": at, "frameon": False, "borderpad": 0.0, **more}
     axes.legend(**options)
 
 
 def tidy(axes: Axes, *, grid: bool = True) -> None:
-    """Axes with two thin sides, small ticks and, if wanted, a pale grid behind."""
+    """Give axes two thin sides, small ticks and, if wanted, a pale grid behind."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
@@ -105,7 +105,7 @@ def tidy(axes: Axes, *, grid: bool = True) -> None:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number as one prints it: four digits, a real minus, no `1e+03`."""
+    """Return a number as one prints it: four digits, a real minus, no `1e+03`."""
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, exponent = text.split("e")
@@ -114,7 +114,7 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def require_suffix(path: str | Path, allowed: tuple[str, ...]) -> str:
-    """The suffix of a file to write, in small letters.
+    """Return the suffix of a file to write, in small letters.
 
     Raises:
         InputError: It is none of those allowed.

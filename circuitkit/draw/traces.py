@@ -203,7 +203,7 @@ def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel) -> No
 
 
 def paint_activity(axes: Axes, time_s: npt.NDArray[np.float64], activity: Activity) -> None:
-    """A raster: the first neuron on top.
+    """Paint a raster: the first neuron on top.
 
     Raises:
         InputError: The outputs are not one row for each time and one column for each neuron.
@@ -232,7 +232,7 @@ def paint_activity(axes: Axes, time_s: npt.NDArray[np.float64], activity: Activi
 def _columns(
     time_s: npt.NDArray[np.float64], outputs: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Edges in time and outputs, thinned to the largest of neighbours if there are more than can be seen."""
+    """Return edges in time and outputs, thinned to the largest of neighbours if there are too many."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
     edges = np.append(time_s, time_s[-1] + step)
     every = -(-len(time_s) // _MOST_COLUMNS)

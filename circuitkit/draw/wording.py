@@ -14,7 +14,7 @@ _DASH = "\N{EN DASH}"
 
 
 def parameter_text(parameter: ModelParameter, value_si: PerMember, activation: Unit) -> str:
-    """A parameter's name and value, such as `shift 79.9 mm` or `slope 0.1 /mm`.
+    """Return a parameter's name and value, such as `shift 79.9 mm` or `slope 0.1 /mm`.
 
     Args:
         parameter: The parameter.
@@ -26,13 +26,13 @@ def parameter_text(parameter: ModelParameter, value_si: PerMember, activation: U
 
 
 def parameter_texts(node: Neuron | Population) -> list[str]:
-    """All parameters of a neuron or population."""
+    """Return all parameters of a neuron or population."""
     values, unit = node.parameters, node.activation_unit
     return [parameter_text(each, values[each.name], unit) for each in node.model.parameters]
 
 
 def quantity_text(value_si: PerMember, unit: Unit) -> str:
-    """SI values in a unit, as one prints them: `-80 mm`, `0.1 /mm`, `7`, `0 to 3 mm`."""
+    """Return SI values in a unit, as one prints them: `-80 mm`, `0.1 /mm`, `7`, `0 to 3 mm`."""
     symbol = unit.symbol.removeprefix("1")
     shown = _span_text(value_si, unit)
     return f"{shown} {symbol}" if symbol else shown
@@ -48,7 +48,7 @@ def _span_text(value_si: PerMember, unit: Unit) -> str:
 
 
 def weight_text(weight_si: PerMember, target: Unit, source: Unit) -> str:
-    """A weight in the unit of its target over the unit of its source, such as `-2 mm/N`."""
+    """Return a weight in the unit of its target over the unit of its source, such as `-2 mm/N`."""
     if source.dimension == target.dimension:
         return quantity_text(weight_si, DIMENSIONLESS)
     above = "" if target.symbol == "1" else target.symbol
@@ -58,7 +58,7 @@ def weight_text(weight_si: PerMember, target: Unit, source: Unit) -> str:
 
 
 def rule_text(projection: Projection, n_source: int, n_target: int) -> str:
-    """Who is connected with whom, such as `all to all`, `one to one`, `10 from each`, `5000 synapses`."""
+    """Say who is connected with whom: `all to all`, `one to one`, `10 from each`, `5000 synapses`."""
     count = len(projection.sources)
     degrees = np.diff(projection.indptr)
     if count == n_source * n_target:
@@ -77,7 +77,7 @@ def rule_text(projection: Projection, n_source: int, n_target: int) -> str:
 
 
 def _unit(rule: UnitRule, activation: Unit) -> Unit:
-    """The unit of a rule: made of the activation's unit where that can be written, else in SI."""
+    """Return the unit of a rule: made of the activation's unit where that can be written, else in SI."""
     dimension = rule.dimension(activation.dimension)
     if dimension == activation.dimension:
         return activation

@@ -17,12 +17,12 @@ _LITTLE = 2**26  # bytes, which every machine has
 
 
 def input_problem(message: str) -> InputError:
-    """The error for inputs that do not fit."""
+    """Return the error for inputs that do not fit."""
     return InputError(Problem("", 0, 0, "inputs", message))
 
 
 def require_batch(batch: int | None, members: int) -> int:
-    """The size of a batch: at least 1, and in a sweep the number of its members.
+    """Return the size of a batch: at least 1, and in a sweep the number of its members.
 
     Raises:
         InputError: It is another one.
@@ -85,7 +85,7 @@ def require_step_inputs(inputs: FloatArray, batch: int, names: Sequence[str]) ->
 
 
 def as_run_inputs(inputs: FloatArray, names: Sequence[str]) -> FloatArray:
-    """The inputs as an array of shape (T, B, n_inputs).
+    """Return the inputs as an array of shape (T, B, n_inputs).
 
     Raises:
         InputError: The shape is another one.

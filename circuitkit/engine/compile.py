@@ -62,7 +62,7 @@ def compile_circuit(
 
 
 def _require_alike(graphs: Sequence[CircuitGraph]) -> CircuitGraph:
-    """The first of the circuits, whose names and times all others must have."""
+    """Return the first of the circuits, whose names and times all others must have."""
     if not graphs:
         raise InputError(Problem("", 0, 0, "sweep", "found no circuit; allowed: at least one"))
     for graph in graphs:

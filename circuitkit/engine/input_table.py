@@ -22,7 +22,7 @@ _TIME_TOLERANCE = 1e-3  # part of a control step by which a table's times may be
 
 
 def constant_inputs(graph: CircuitGraph, values: Mapping[str, str]) -> dict[str, float]:
-    """SI values of constant inputs.
+    """Return SI values of constant inputs.
 
     Args:
         graph: The circuit.
@@ -53,7 +53,7 @@ def _unknown_input(name: str, names: Sequence[str]) -> tuple[str, str]:
 
 
 def _value_si(text: str, node: InputNode, bare_in: Unit) -> float:
-    """SI value of text such as `70 mm`; a bare number is in `bare_in`."""
+    """Return SI value of text such as `70 mm`; a bare number is in `bare_in`."""
     try:
         value = bare_in.to_si(float(text)) if math.isfinite(float(text)) else math.nan
         dimension = bare_in.dimension
@@ -71,7 +71,7 @@ def _value_si(text: str, node: InputNode, bare_in: Unit) -> float:
 
 
 def read_inputs(graph: CircuitGraph, path: Path) -> dict[str, FloatArray]:
-    """The inputs of a CSV file, each shape (T,), [SI].
+    """Read the inputs of a CSV file, each shape (T,), [SI].
 
     The header names inputs; `time_s` and the names of neurons and outputs are passed over, so that what `run`
     wrote can be read again. A cell is a number in the input's declared unit, or has a unit of its own.
@@ -102,7 +102,7 @@ def read_inputs(graph: CircuitGraph, path: Path) -> dict[str, FloatArray]:
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Line numbers and cells of the header and of at least one row; empty lines are passed over."""
+    """Return line numbers and cells of the header and of at least one row; empty lines are passed over."""
     lines = csv.reader(io.StringIO(_read_text(path)), strict=True)
     try:
         rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
@@ -169,7 +169,7 @@ def _check_times(path: Path, cells: Sequence[tuple[int, int, str]], step_s: floa
 
 
 def _position(cells: Sequence[str], index: int) -> int:
-    """Column of the text at which a cell starts, as long as no cell is quoted."""
+    """Return column of the text at which a cell starts, as long as no cell is quoted."""
     return sum(len(cell) + 1 for cell in cells[:index]) + 1
 
 

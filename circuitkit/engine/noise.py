@@ -86,7 +86,7 @@ class NormalNumbers:
 
 
 def _mix(words: Words, spare: Words) -> None:
-    """The finaliser, in place."""
+    """Do the finaliser, in place."""
     for shift, factor in zip(_SHIFTS, _FACTORS, strict=False):
         np.right_shift(words, shift, out=spare)
         np.bitwise_xor(words, spare, out=words)

@@ -80,7 +80,7 @@ class Program(Lowered):
         return {name: i for i, name in enumerate(self.output_names)}
 
     def initial_state(self, batch: int | None = None, seed: int = 0) -> State:
-        """The state before the first step.
+        """Return the state before the first step.
 
         Args:
             batch: Number of copies B; by default as many as a sweep has members, else 1.

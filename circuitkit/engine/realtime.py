@@ -102,7 +102,7 @@ def _ticks(rate_hz: float, seconds: float) -> int:
 
 
 def _loop(program: Program, rate_hz: float, ticks: int, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times since the first tick at which each step began and ended, shape (ticks,), [s]."""
+    """Return times since the first tick at which each step began and ended, shape (ticks,), [s]."""
     stepper = Stepper(program, inputs.shape[1])
     own, step, rows = stepper.inputs, stepper.step, list(inputs)
     began, ended = np.zeros(ticks), np.zeros(ticks)  # written to here, so that the memory is there

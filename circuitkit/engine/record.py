@@ -30,7 +30,7 @@ class Selection:
 
 
 def select(program: Program, names: Iterable[str] | None, *, states: bool) -> Selection:
-    """What to record.
+    """Find what to record.
 
     Args:
         program: The compiled circuit.
@@ -59,7 +59,7 @@ def select(program: Program, names: Iterable[str] | None, *, states: bool) -> Se
 
 
 def _once(columns: Iterable[int]) -> IndexArray:
-    """Each column where it is named first: members may be named alone and with their population."""
+    """Return each column where it is named first: members may be named alone and with their population."""
     return np.array(list(dict.fromkeys(columns)), dtype=np.int32)
 
 

@@ -42,11 +42,11 @@ class State:
         return len(self.activation)
 
     def arrays(self) -> tuple[FloatArray, ...]:
-        """All arrays of numbers that the circuit computes, each with the batch as its first axis."""
+        """Return all arrays of numbers that the circuit computes, each with the batch as its first axis."""
         return (self.activation, self.output, self.readout, self.states, *self.histories)
 
     def copy(self) -> State:
-        """The same values in arrays of its own."""
+        """Return the same values in arrays of its own."""
         return State(
             self.activation.copy(),
             self.output.copy(),

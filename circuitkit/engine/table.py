@@ -77,7 +77,7 @@ class RunTable:
         return np.arange(self.steps, dtype=np.float64) * self.step_s
 
     def last(self) -> dict[str, float]:
-        """The last row by name, in the columns' units."""
+        """Return the last row by name, in the columns' units."""
         return {column.name: float(column.values[-1]) for column in self.columns}
 
 
@@ -143,7 +143,7 @@ def run_table(
 def given_inputs(
     graph: CircuitGraph, values: Mapping[str, str], table: Path | None, steps: int | None
 ) -> tuple[FloatArray, set[str]]:
-    """The inputs of every step, shape (T, 1, n_inputs), [SI], and the names of those that were given.
+    """Return the inputs of every step, shape (T, 1, n_inputs), [SI], and the names of those that were given.
 
     Raises:
         InputError: As `run_table` does.
@@ -188,7 +188,7 @@ def _run(
     seed: int,
     progress: Callable[[int, int], None] | None,
 ) -> list[Column]:
-    """The columns of neurons, outputs and states."""
+    """Return the columns of neurons, outputs and states."""
     state = program.initial_state(seed=seed)
     parts: list[Trace] = []
     for start in range(0, len(inputs), _CHUNK):
@@ -210,7 +210,7 @@ def _run(
 
 
 def _state_unit(graph: CircuitGraph, name: str) -> Unit:
-    """The unit of a state such as `q1.v` or `ring[3].v`; of a synapse's it is that of SI, without a name."""
+    """Find the unit of a state such as `q1.v`; a synapse's is shown in SI, without a name."""
     owner, _, state = name.rpartition(".")
     nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     for node in nodes:
@@ -288,7 +288,7 @@ def write_run(result: RunTable, path: Path) -> None:
 
 
 def csv_lines(result: RunTable) -> Iterator[str]:
-    """The lines of the CSV table, to 15 digits."""
+    """Yield the lines of the CSV table, to 15 digits."""
     yield ",".join((TIME, *(column.name for column in result.columns))) + "\n"
     every = (result.time_s(), *(column.values for column in result.columns))
     for start in range(0, result.steps, _CHUNK):  # Python's numbers take four times the memory of an array's

@@ -211,11 +211,22 @@ def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as ab
     return _dimension(units[sensor][0 if hinge else 1])
 
 
-def _width(sensor: Any) -> int:  # noqa: ANN401 - as above
+def width_of_sensor(sensor: Any) -> int:  # noqa: ANN401 - as above
+    """How many numbers a sensor of an MJCF has."""
     word = _word(sensor.type)
     if word in _THREE:
         return 3
     return next((width for ending, width in _WIDTHS.items() if word.endswith(ending)), 1)
+
+
+def unit_of_sensor(sensor: Any, model: mujoco.MjModel) -> str:  # noqa: ANN401 - as above
+    """The SI unit of a sensor of an MJCF; 1 where MuJoCo knows none."""
+    word = _word(sensor.type)
+    if word.startswith("joint") and sensor.objname:
+        hinge = int(model.joint(sensor.objname).type[0]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+        units = {"jointpos": ("rad", "m"), "jointvel": ("rad/s", "m/s"), "jointactfrc": ("N*m", "N")}
+        return units.get(word, ("1", "1"))[0 if hinge else 1]
+    return _UNIT_OF_TYPE.get(word, "1")
 
 
 @_reference("sensor(NAME, component)", 1, 2)
@@ -224,7 +235,7 @@ def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
     if name not in sensors.own:
         raise no_such("sensor", name, (each for each in sensors.own if each))
     sensor, component = sensors.own[name], 0
-    word, width = _word(sensor.type), _width(sensor)
+    word, width = _word(sensor.type), width_of_sensor(sensor)
     if len(arguments) > 1:
         part = arguments[1]
         component = AXES.index(part) if part in AXES else int(part) if part.isdigit() else -1

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from circuitkit.circuit.resolving import connectivity
-from circuitkit.circuit.resolving.spread import generator
+from circuitkit.circuit.resolving.member_values import generator
 
 sizes = st.integers(1, 30)
 seeds = st.integers(0, 1000)

@@ -142,13 +142,13 @@ def test_models_written_out_read_the_same(model):
 
 
 def test_every_kind_of_model_is_shipped():
-    """The list of the language's page, so that nothing gets lost."""
-    assert set(NEURON_MODEL_NAMES) == {
+    """What once shipped stays; a new model needs no line here."""
+    assert set(NEURON_MODEL_NAMES) >= {
         *("sigmoid", "window", "identity", "threshold_linear", "tanh", "step"),
         *("leaky_integrator", "leaky_linear", "conductance", "matsuoka"),
         *("leaky_integrate_and_fire", "adaptive_exponential", "izhikevich"),
     }
-    assert set(SYNAPSE_MODEL_NAMES) == {
+    assert set(SYNAPSE_MODEL_NAMES) >= {
         *("static", "first_order", "exponential", "conductance", "exponential_conductance", "gated"),
         *("depressing_facilitating", "depressing_facilitating_rate", "hebbian", "oja"),
     }

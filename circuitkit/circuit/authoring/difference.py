@@ -42,7 +42,7 @@ class Change:
 
 
 def compare_circuits(old: CircuitGraph, new: CircuitGraph) -> tuple[Change, ...]:
-    """Everything in which two circuits differ; nothing if they mean the same.
+    """Return everything in which two circuits differ; nothing if they mean the same.
 
     Args:
         old: The circuit before.
@@ -70,7 +70,7 @@ def compare_circuits(old: CircuitGraph, new: CircuitGraph) -> tuple[Change, ...]
 
 
 def _changes_of(before: Sequence[Element], after: Sequence[Element]) -> Iterator[Change]:
-    """The changes among the elements of one kind."""
+    """Yield the changes among the elements of one kind."""
     old, new = ({element.title: element for element in each} for each in (before, after))
     for title, element in old.items():
         if title not in new:
@@ -99,7 +99,7 @@ def _changed_fields(old: Element, new: Element) -> Iterator[Change]:
 
 
 def _summary(element: Element) -> str:
-    """What an element is, on one line."""
+    """Find what an element is, on one line."""
     parts = []
     for field, (value, unit) in element.fields.items():
         if not (isinstance(value, str) and not value):
@@ -109,7 +109,7 @@ def _summary(element: Element) -> str:
 
 
 def _renamed(before: Sequence[Element], after: Sequence[Element]) -> dict[str, Element]:
-    """The nodes that are called otherwise now, by their old name."""
+    """Return the nodes that are called otherwise now, by their old name."""
     names = [{each.title: each for each in nodes if each.kind in _NODES} for nodes in (before, after)]
     gone, come = ([name for name in one if name not in other] for one, other in (names, names[::-1]))
     if not (gone and come):
@@ -127,24 +127,24 @@ def _renamed(before: Sequence[Element], after: Sequence[Element]) -> dict[str, E
 
 
 def _colours(elements: Sequence[Element], kept: frozenset[str]) -> dict[str, int]:
-    """A number for every node, the same for nodes that are alike and have alike neighbours."""
+    """Return a number for every node, the same for nodes that are alike and have alike neighbours."""
     nodes = {each.title: each for each in elements if each.kind in _NODES}
     colour = {
         name: hash(name) if name in kept else hash((node.kind, _content(node)))
         for name, node in nodes.items()
     }
-    edges = [(each.ends, hash((each.kind, _content(each)))) for each in elements if each.ends]
+    edges = [(each.endpoints, hash((each.kind, _content(each)))) for each in elements if each.endpoints]
     for _ in range(_ROUNDS):
         around: dict[str, list[tuple[int, ...]]] = {name: [] for name in nodes if name not in kept}
-        for ends, content in edges:
-            for place, end in enumerate(ends):
+        for endpoints, content in edges:
+            for place, end in enumerate(endpoints):
                 if end in around:
-                    around[end].append((place, content, *(colour[each] for each in ends)))
+                    around[end].append((place, content, *(colour[each] for each in endpoints)))
         colour |= {name: hash((colour[name], *sorted(each))) for name, each in around.items()}
     return colour
 
 
 def _content(element: Element) -> tuple[object, ...]:
-    """The values of an element in a form that can be compared by its hash, without names of other nodes."""
+    """Bring an element's values into a form to compare by its hash, without names of other nodes."""
     values = ((field, value) for field, (value, _) in element.fields.items() if field not in element.naming)
     return tuple((field, value.tobytes() if hasattr(value, "tobytes") else value) for field, value in values)

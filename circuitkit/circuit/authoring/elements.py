@@ -1,4 +1,4 @@
-"""A circuit taken apart: every node, synapse, parameter and model with its values, to compare and to tell."""
+"""A circuit taken apart: each node, synapse, parameter and model with its values, to compare and explain."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ class Element:
             "projection" or "readout".
         title: Its name; `q1 -> p1` for a synapse; empty for the circuit.
         fields: Its values by name, with their unit.
-        ends: The nodes that it joins; empty for a node.
+        endpoints: The nodes that it joins; empty for a node.
         naming: Fields that name other nodes.
     """
 
     kind: str
     title: str
     fields: Fields
-    ends: tuple[str, ...] = ()
+    endpoints: tuple[str, ...] = ()
     naming: frozenset[str] = field(default=frozenset(("gate",)))
 
 
 def elements_of(graph: CircuitGraph, renamed: Mapping[str, str] | None = None) -> Iterator[Element]:
-    """Every part of a circuit, in file order.
+    """Yield every part of a circuit, in file order.
 
     Args:
         graph: The circuit.
@@ -89,7 +89,7 @@ def elements_of(graph: CircuitGraph, renamed: Mapping[str, str] | None = None) -
 
 
 def value_text(value: Any, unit: Unit | None, digits: int = 6) -> str:  # noqa: ANN401 - a number, array or text
-    """A value as one reads it, such as `-80 mm`, or `64 values, 0 mm to 5 mm`; `none` for an empty text."""
+    """Write a value out, such as `-80 mm`, or `64 values, 0 mm to 5 mm`; `none` for an empty text."""
     if isinstance(value, str):
         return value or "none"
     if unit is None:
@@ -111,14 +111,14 @@ class Weights:
         self._inputs = {node.name: node.unit for node in graph.inputs}
         self._activation = {node.name: node.activation_unit for node in _neurons(graph)}
 
-    def ends(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
-        """The units of the target's activation and of the source."""
+    def endpoint_units(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
+        """Return the units of the target's activation and of the source."""
         source = self._inputs.get(edge.source, DIMENSIONLESS)
         return self._activation[_node_of(edge.target)], source
 
     def text(self, edge: Synapse | Projection, weights: PerMember) -> str:
-        """Weights in SI units, or in the target's if they are tiny otherwise."""
-        target, source = self.ends(edge)
+        """Return weights in SI units, or in the target's if they are tiny otherwise."""
+        target, source = self.endpoint_units(edge)
         unit = edge.model.weight.dimension(target.dimension, source.dimension).si_unit
         largest = abs(weights) if isinstance(weights, float | int) else float(abs(weights).max(initial=0.0))
         is_tiny = 0 < largest < _TINY and target.dimension == unit.dimension
@@ -130,7 +130,7 @@ def _neurons(graph: CircuitGraph) -> tuple[Neuron | Population, ...]:
 
 
 def _models(graph: CircuitGraph) -> Iterable[NeuronModel | SynapseModel]:
-    """The models that the circuit uses, each once."""
+    """Return the models that the circuit uses, each once."""
     edges: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     found: dict[tuple[str, str], NeuronModel | SynapseModel] = {}
     for node in _neurons(graph):
@@ -141,7 +141,7 @@ def _models(graph: CircuitGraph) -> Iterable[NeuronModel | SynapseModel]:
 
 
 def _model_fields(model: NeuronModel | SynapseModel) -> Fields:
-    """The equations of a model."""
+    """Return the equations of a model."""
     texts: dict[str, object] = {
         "parameters": ", ".join(f"{each.name} [{each.unit_rule}]" for each in model.parameters),
         "method": model.method,
@@ -161,7 +161,7 @@ def _model_fields(model: NeuronModel | SynapseModel) -> Fields:
 
 
 def _nodes(graph: CircuitGraph) -> Iterator[tuple[str, str, Fields]]:
-    """Kind, name and values of every node."""
+    """Yield kind, name and values of every node."""
     for node in graph.inputs:
         fields: Fields = {"unit": (node.unit.symbol, None), "from": (node.low, node.unit)}
         yield "input", node.name, fields | {"to": (node.high, node.unit), **_described(node.description)}
@@ -179,7 +179,7 @@ def _described(description: str) -> Fields:
 
 
 def neuron_fields(node: Neuron | Population) -> Fields:
-    """The values of a neuron or population."""
+    """Return the values of a neuron or population."""
     unit = node.activation_unit
     fields: Fields = {"model": (node.model.name, None), "role": (node.role, None)}
     fields["unit"] = (unit.symbol, None)  # of the activation
@@ -205,28 +205,28 @@ def _edges(graph: CircuitGraph, called: Callable[[str], str]) -> Iterator[Elemen
     edges: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for edge in edges:
         kind = "synapse" if isinstance(edge, Synapse) else "projection"
-        ends = called(edge.source), called(edge.target)
-        fields = _edge_fields(edge, *weights.ends(edge))
+        endpoints = called(edge.source), called(edge.target)
+        fields = _edge_fields(edge, *weights.endpoint_units(edge))
         if edge.gate:
             fields["gate"] = (called(edge.gate), None)
-        seen[kind, *ends] += 1
-        number = seen[kind, *ends]
-        title = " -> ".join(ends) + (f" ({number})" if number > 1 else "")
-        yield Element(kind, title, fields, tuple(map(_node_of, ends)))
+        seen[kind, *endpoints] += 1
+        number = seen[kind, *endpoints]
+        title = " -> ".join(endpoints) + (f" ({number})" if number > 1 else "")
+        yield Element(kind, title, fields, tuple(map(_node_of, endpoints)))
     for output in graph.outputs:
         for name, weight in output.readout:
-            ends = called(name), called(output.name)
+            endpoints = called(name), called(output.name)
             fields = {"weight": (weight, output.unit)}
-            yield Element("readout", " -> ".join(ends), fields, tuple(map(_node_of, ends)))
+            yield Element("readout", " -> ".join(endpoints), fields, tuple(map(_node_of, endpoints)))
 
 
 def _node_of(name: str) -> str:
-    """The population of a member, or the name itself."""
+    """Return the population of a member, or the name itself."""
     return name.partition("[")[0]
 
 
 def _edge_fields(edge: Synapse | Projection, target: Unit, source: Unit) -> Fields:
-    """The values of a synapse or projection; those at rest (no delay, the static model) are left out."""
+    """Give the values of a synapse or projection; those at rest (no delay, the static model) are left out."""
     model = edge.model
     dimension = model.weight.dimension(target.dimension, source.dimension)
     fields: Fields = {}

@@ -73,7 +73,7 @@ class Explanation:
         return self.node.model
 
     def equations(self) -> dict[str, str]:
-        """The equations of the model by what they give, such as `output` or `dv/dt`."""
+        """Return the equations of the model by what they give, such as `output` or `dv/dt`."""
         model = self.model
         found = {f"d{name}/dt": str(each) for name, each in model.derivatives.items()}
         found |= {f"next {name}": str(each) for name, each in model.updates.items()}
@@ -85,7 +85,7 @@ class Explanation:
         return {**found, "output": str(model.output)}
 
     def values(self) -> dict[str, str]:
-        """Parameters, starts of states and noise, with their units."""
+        """Return parameters, starts of states and noise, with their units."""
         fields = neuron_fields(self.node)
         if same(self.node.noise, 0.0):
             del fields["noise"]
@@ -118,11 +118,11 @@ def explain(graph: CircuitGraph, name: str) -> Explanation:
     if base not in nodes:
         kind = "neuron"
         raise UnknownNameError(kind, name, nodes)
-    ends = _Ends(graph, base, name, index)
-    return Explanation(name, nodes[base], index, tuple(ends.incoming()), tuple(ends.outgoing()))
+    found = _Neighbours(graph, base, name, index)
+    return Explanation(name, nodes[base], index, tuple(found.incoming()), tuple(found.outgoing()))
 
 
-class _Ends:
+class _Neighbours:
     """Looks for the synapses of one node or member."""
 
     def __init__(self, graph: CircuitGraph, base: str, name: str, index: int | None) -> None:
@@ -130,7 +130,7 @@ class _Ends:
         self.weights = Weights(graph)
 
     def incoming(self) -> Iterator[Connection]:
-        """What leads to it."""
+        """Find what leads to it."""
         for synapse in self.graph.synapses:
             if self.is_meant(synapse.target):
                 yield self.single(synapse, synapse.source)
@@ -142,7 +142,7 @@ class _Ends:
                 yield self.many(each, each.source, end - begin, _part(each.weights, slice(begin, end)))
 
     def outgoing(self) -> Iterator[Connection]:
-        """What it leads to, what it gates, and what reads it."""
+        """Find what it leads to, what it gates, and what reads it."""
         for synapse in self.graph.synapses:
             if self.is_meant(synapse.source):
                 yield self.single(synapse, synapse.target)
@@ -162,17 +162,17 @@ class _Ends:
                     yield Connection(output.name, "readout", 1, text, _STATIC, 0.0, "", output.origin)
 
     def is_meant(self, name: str) -> bool:
-        """Whether a name is that of the node, or of one of its members if all of it is asked for."""
+        """Check whether a name is that of the node, or of one of its members if all of it is asked for."""
         return name == self.name or (self.index is None and name.startswith(f"{self.base}["))
 
     def single(self, synapse: Synapse, other: str) -> Connection:
-        """A synapse."""
+        """Return a synapse."""
         weight = self.weights.text(synapse, synapse.weight)
         model, delay = synapse.model.name, synapse.delay_s
         return Connection(other, synapse.kind, 1, weight, model, delay, synapse.gate, synapse.origin)
 
     def many(self, each: Projection, other: str, count: int, weights: PerMember) -> Connection:
-        """The synapses of a projection."""
+        """Return the synapses of a projection."""
         text = self.weights.text(each, weights) if count else ""
         return Connection(
             other, each.kind, count, text, each.model.name, each.delay_s, each.gate, each.origin

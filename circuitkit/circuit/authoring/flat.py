@@ -33,7 +33,7 @@ from circuitkit.circuit.models import (
     SynapseModel,
 )
 from circuitkit.circuit.models.writing import model_data
-from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.neurons import shown_unit, start
 
 _PER_ANGLE = Dimension(angle=-1)
@@ -45,7 +45,7 @@ class TooLargeError(CircuitkitError):
 
 
 def flat_document(graph: CircuitGraph, folder: Path | None = None) -> dict[str, Any]:
-    """The circuit in the form of its file; resolving it gives an equal graph, but for the parameters.
+    """Return the circuit in the form of its file; resolving it gives an equal graph, but for the parameters.
 
     Args:
         graph: The circuit.
@@ -59,7 +59,7 @@ def flat_document(graph: CircuitGraph, folder: Path | None = None) -> dict[str, 
 
 
 def flat_yaml(graph: CircuitGraph, folder: Path | None = None) -> str:
-    """The circuit as the text of a circuit file; see `flat_document`.
+    """Return the circuit as the text of a circuit file; see `flat_document`.
 
     Raises:
         TooLargeError: See `flat_document`.
@@ -72,7 +72,7 @@ def _si(dimension: Dimension) -> Unit:
 
 
 def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | ModelState) -> Unit:
-    """The unit in which a parameter or state of a neuron is shown."""
+    """Return the unit in which a parameter or state of a neuron is shown."""
     activation = neuron.activation_unit
     dimension = parameter.unit_rule.dimension(activation.dimension)
     if dimension == _PER_ANGLE and activation.symbol.isalpha():  # per degree, for nobody thinks in radians
@@ -81,12 +81,12 @@ def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | Mode
 
 
 def weight_unit(graph: CircuitGraph, synapse: Synapse | Projection) -> Unit:
-    """The unit in which the weight of a synapse is shown: that which its model gives it between its ends."""
+    """Find the unit in which the weight of a synapse is shown: what its model gives it at its endpoints."""
     return _weight_unit(synapse, nodes_of(graph))
 
 
 def nodes_of(graph: CircuitGraph) -> Nodes:
-    """The nodes of a circuit by name."""
+    """Return the nodes of a circuit by name."""
     return Nodes(
         {node.name: node for node in graph.inputs},
         {node.name: node for node in graph.neurons},
@@ -94,8 +94,8 @@ def nodes_of(graph: CircuitGraph) -> Nodes:
     )
 
 
-def _end(nodes: Nodes, name: str) -> End:
-    end = nodes.end(name.partition("[")[0])
+def _endpoint(nodes: Nodes, name: str) -> Endpoint:
+    end = nodes.endpoint(name.partition("[")[0])
     if end is None:
         message = f"the circuit has no node {name}"
         raise KeyError(message)
@@ -103,7 +103,7 @@ def _end(nodes: Nodes, name: str) -> End:
 
 
 def _weight_unit(synapse: Synapse | Projection, nodes: Nodes) -> Unit:
-    target, source = _end(nodes, synapse.target), _end(nodes, synapse.source)
+    target, source = _endpoint(nodes, synapse.target), _endpoint(nodes, synapse.source)
     return _si(synapse.model.weight.dimension(target.activation.dimension, source.unit.dimension))
 
 
@@ -117,7 +117,7 @@ class _Flat:
         self.nodes = nodes_of(graph)
 
     def document(self) -> dict[str, Any]:
-        """The file's data."""
+        """Return the file's data."""
         graph = self.graph
         sections: dict[str, Any] = {
             "neuron_models": _models((*graph.neurons, *graph.populations), NEURON_MODEL_NAMES),
@@ -140,15 +140,15 @@ class _Flat:
         return document | {key: value for key, value in sections.items() if value or key in always}
 
     def synapse(self, synapse: Synapse) -> dict[str, Any]:
-        """An entry of `synapses`."""
+        """Return an entry of `synapses`."""
         unit = _weight_unit(synapse, self.nodes)
         entry = {"from": synapse.source, "to": synapse.target, "weight": exact(synapse.weight, unit)}
         return entry | self.of_model(synapse, unit, f"{synapse.source} -> {synapse.target}")
 
     def of_model(self, synapse: Synapse | Projection, weight: Unit, what: str) -> dict[str, Any]:
-        """The keys of a synapse or projection that depend on its model."""
+        """Return the keys of a synapse or projection that depend on its model."""
         model = synapse.model
-        target, source = _end(self.nodes, synapse.target), _end(self.nodes, synapse.source)
+        target, source = _endpoint(self.nodes, synapse.target), _endpoint(self.nodes, synapse.source)
         entry: dict[str, Any] = {}
         if model != STATIC:
             entry["model"] = model.name
@@ -167,11 +167,13 @@ class _Flat:
         return entry
 
     def projection(self, number: int, projection: Projection) -> dict[str, Any]:
-        """An entry of `projections`."""
+        """Return an entry of `projections`."""
         what = f"{projection.source} -> {projection.target}"
         unit = _weight_unit(projection, self.nodes)
         entry: dict[str, Any] = {"from": projection.source, "to": projection.target}
-        n_source, n_target = (_end(self.nodes, name).size for name in (projection.source, projection.target))
+        n_source, n_target = (
+            _endpoint(self.nodes, name).size for name in (projection.source, projection.target)
+        )
         rule = _rule(projection, n_source, n_target)
         if rule or len(projection.sources) <= MOST_LISTED or self.folder is None:
             entry["connect"] = rule or {"sources": self.rows(projection, what)}
@@ -212,7 +214,7 @@ class _Flat:
         return [sources[begin:end] for begin, end in pairwise(bounds)]
 
     def values(self, value: PerMember, unit: Unit, what: str) -> Any:  # noqa: ANN401 - a value or a list of them
-        """One value, or a list of one for each."""
+        """Return one value, or a list of one for each."""
         if isinstance(value, int | float):
             return exact(value, unit)
         self.check_size(len(value), what)
@@ -236,7 +238,7 @@ class _Flat:
 
 
 def _models(parts: Sequence[Any], shipped: Sequence[str]) -> dict[str, Any]:
-    """The models that are not shipped, by name."""
+    """Return the models that are not shipped, by name."""
     models: dict[str, NeuronModel | SynapseModel] = {part.model.name: part.model for part in parts}
     return {name: model_data(model) for name, model in models.items() if name not in shipped}
 
@@ -247,7 +249,7 @@ def _input(node: InputNode) -> dict[str, Any]:
 
 
 def _rule(projection: Projection, n_source: int, n_target: int) -> str:
-    """The rule that says the same as the connections of a projection, if there is one."""
+    """Return the rule that says the same as the connections of a projection, if there is one."""
     import numpy as np  # 0.1 s, which most files are checked without
 
     if len(projection.sources) == n_source * n_target:

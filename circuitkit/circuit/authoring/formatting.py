@@ -63,7 +63,7 @@ class Formatted:
         return self.before != self.after
 
     def patch(self) -> Iterator[str]:
-        """What changes, as lines of a unified diff; none if nothing changes."""
+        """Find what changes, as lines of a unified diff; none if nothing changes."""
         before, after = (text.splitlines(keepends=True) for text in (self.before, self.after))
         return difflib.unified_diff(before, after, str(self.path), f"{self.path} (normal form)")
 
@@ -81,7 +81,7 @@ class Formatted:
 
 
 def format_file(path_or_name: str | Path) -> Formatted:
-    """The normal form of a circuit file; the file itself stays as it is.
+    """Return the normal form of a circuit file; the file itself stays as it is.
 
     Args:
         path_or_name: A path, or the name of a shipped circuit.
@@ -98,7 +98,7 @@ def format_file(path_or_name: str | Path) -> Formatted:
 
 
 def format_text(text: str, path: str = "<text>") -> str:
-    """The normal form of the text of a circuit file, or of a file for others to include.
+    """Return the normal form of the text of a circuit file, or of a file for others to include.
 
     Args:
         text: The text.
@@ -120,7 +120,7 @@ def format_text(text: str, path: str = "<text>") -> str:
 
 
 def _read(text: str, path: str) -> tuple[dict[str, Data], CircuitGraph | None]:
-    """The data of a text without errors, and its circuit; a text without a name is for others to include."""
+    """Read the data of a text, and its circuit; a text without a name is for others to include."""
     document, problems = scan_text(text, path)
     if document is None or problems:
         raise InputError(*problems)
@@ -177,7 +177,7 @@ class _Orderer:
         _sort(entry.value, (*own, *self._parameters(section, entry.value), *_LAST))
 
     def _parameters(self, section: str, entry: Collection) -> Sequence[str]:
-        """The keys that belong to the model, in its order; as written if the model is unknown here."""
+        """Return the keys that belong to the model, in its order; as written if the model is unknown here."""
         written = [each.name for each in entry.entries]
         model = next((each.value for each in entry.entries if each.name == "model"), None)
         name = model.value if isinstance(model, Scalar) else ""
@@ -196,7 +196,7 @@ class _Orderer:
 
 
 def normal_quantity(text: str) -> str:
-    """A quantity as one writes it: `-80mm` is `-80 mm`, `100/m` is `100 /m`; any other text as it is."""
+    """Give a quantity as one writes it: `-80mm` is `-80 mm`, `100/m` is `100 /m`; any other text as it is."""
     try:
         unit = parse_quantity(text).unit
     except UnitError:
@@ -209,7 +209,7 @@ def normal_quantity(text: str) -> str:
 
 
 def _respace(section: Entry, *, first: bool, apart: bool) -> None:
-    """One empty line above every section, none above the first line; single values stand as they stood."""
+    """Put one empty line above every section, none above the first line; leave single values."""
     if apart:
         section.above.insert(0, "")
     while first and section.above and not section.above[0]:
@@ -227,7 +227,7 @@ def _sort(node: Collection, order: Sequence[str]) -> None:
 
 
 def _below(node: Collection) -> Iterator[Entry]:
-    """All entries of a list or mapping, with those inside of them."""
+    """Yield all entries of a list or mapping, with those inside of them."""
     for entry in node.entries:
         yield entry
         if isinstance(entry.value, Collection):
@@ -237,7 +237,7 @@ def _below(node: Collection) -> Iterator[Entry]:
 def _means_the_same(
     after: str, tree: CommentedText, data: Data, graph: CircuitGraph | None, path: str
 ) -> bool:
-    """Whether a new text has the data, the comments and the circuit of the old one."""
+    """Check whether a new text has the data, the comments and the circuit of the old one."""
     comments = read_commented(after).comments
     if sorted(comments) != sorted(tree.comments) or not _alike(data, parse_yaml(after, path).data):
         return False
@@ -245,7 +245,7 @@ def _means_the_same(
 
 
 def _alike(one: Data, other: Data) -> bool:
-    """Whether data is the same but for the order of keys and the spelling of quantities."""
+    """Check whether data is the same but for the order of keys and the spelling of quantities."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(_alike(each, other[key]) for key, each in one.items())
     if isinstance(one, list) and isinstance(other, list):

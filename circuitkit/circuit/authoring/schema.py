@@ -22,7 +22,7 @@ _VALUES: Schema = {"$ref": "#/$defs/Values"}
 
 
 def circuit_schema() -> Schema:
-    """The JSON Schema of the circuit file (draft 7): every key with its description, for every model."""
+    """Give the JSON Schema of the circuit file (draft 7): every key with its description, for every model."""
     schema = CircuitSpec.model_json_schema()
     schema["$schema"] = "http://json-schema.org/draft-07/schema#"
     definitions: Schema = schema["$defs"]

@@ -25,7 +25,7 @@ class ExistsError(CircuitkitError):
 
 
 def starter_text(template: str, file_name: str) -> str:
-    """The text of a template for a file of this name, after which the circuit is called too.
+    """Return the text of a template for a file of this name, after which the circuit is called too.
 
     Args:
         template: One of `TEMPLATES`.

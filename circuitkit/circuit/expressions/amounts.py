@@ -41,7 +41,7 @@ class Amount:
 
 
 def is_finite(value: Number) -> bool:
-    """Whether a number, or every one of an array, is finite."""
+    """Check whether a number, or every one of an array, is finite."""
     if isinstance(value, int | float):
         return math.isfinite(value)
     import numpy as np  # 0.1 s, which most files are checked without

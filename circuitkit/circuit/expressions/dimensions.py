@@ -37,13 +37,13 @@ class OpenDimension(NamedTuple):
     source: int = 0
 
     def times(self, other: OpenDimension, power: int = 1) -> OpenDimension:
-        """Dimension of the product `self * other ** power`."""
+        """Return dimension of the product `self * other ** power`."""
         mine, theirs = self[1:], other[1:]
         words = (own + power * added for own, added in zip(mine, theirs, strict=True))
         return OpenDimension(self.fixed.times(other.fixed, power), *words)
 
     def raised(self, power: float) -> OpenDimension | None:
-        """The dimension of a power; None if that has exponents which are not whole."""
+        """Return the dimension of a power; None if that has exponents which are not whole."""
         exponents = [exponent * power for exponent in (*self.fixed, *self[1:])]
         whole = [round(exponent) for exponent in exponents]
         if any(abs(exponent - near) > _WHOLE for exponent, near in zip(exponents, whole, strict=True)):
@@ -97,7 +97,7 @@ class DimensionError(ExpressionError):
         self._parts = (what, allowed)
 
     def of(self, text: str) -> str:
-        """The message about a whole expression as it was written, with dimensions by their names."""
+        """Return the message about a whole expression as it was written, with dimensions by their names."""
         what, allowed = self._parts
         return f"found '{text}'{what.format(*(each.fixed for each in self.found))}; allowed: {allowed}"
 
@@ -111,7 +111,7 @@ def _power(word: str, power: int) -> str:
 
 
 def _symbol(dimension: Dimension) -> str:
-    """A named unit or its reciprocal, by or times the second if need be, rather than base units."""
+    """Return a named unit or its reciprocal, by or times the second if need be, rather than base units."""
     for seconds, power, (symbol, named) in product((0, -1, 1), (1, -1), _NAMED):
         if dimension == Dimension(time=seconds).times(named, power):
             above: list[str] = []
@@ -127,7 +127,7 @@ def dimension_of(
     names: Mapping[str, OpenDimension],
     known: Mapping[str, float] = MappingProxyType({}),
 ) -> OpenDimension | None:
-    """The dimension of an expression; None if it is zero, which has any.
+    """Return the dimension of an expression; None if it is zero, which has any.
 
     Args:
         expression: The expression.

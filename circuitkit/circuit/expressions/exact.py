@@ -13,7 +13,7 @@ MANY_DIGITS = 25  # with so many, it still is after conversion to another unit
 
 
 def exact(value_si: float, unit: Unit) -> float | str:
-    """A number, or text such as `-80 mm`, that reads back to exactly this SI value, as short as that allows.
+    """Write an SI value as a number or a text such as `-80 mm` that reads back to exactly it.
 
     Args:
         value_si: The value, [SI].

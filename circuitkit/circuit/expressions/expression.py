@@ -57,7 +57,7 @@ def where(condition: float, then: float, otherwise: float) -> float:
 
 
 def _power(base: Value, exponent: Value) -> Value:
-    """A real power; Python's own of a negative float would be complex."""
+    """Return a real power; Python's own of a negative float would be complex."""
     try:
         value = base**exponent
     except OverflowError as error:  # its own words have the number of a system's error
@@ -133,16 +133,16 @@ class Expression(ABC):
         return str(self) if self.binding >= binding else f"({self})"
 
     def operands(self) -> tuple[Expression, ...]:
-        """What it is made of; nothing if it is a number or a name."""
+        """Find what it is made of; nothing if it is a number or a name."""
         return ()
 
     def names(self) -> frozenset[str]:
-        """The names that occur in it."""
+        """Return the names that occur in it."""
         return frozenset().union(*(operand.names() for operand in self.operands()))
 
     @abstractmethod
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
-        """The value, computed with the arithmetic of what `values` holds.
+        """Return the value, computed with the arithmetic of what `values` holds.
 
         Args:
             values: A value for every name.
@@ -163,7 +163,7 @@ class Number(Expression):
     unit: Unit = field(default=DIMENSIONLESS, compare=False, repr=False)
 
     def evaluate(self, _values: Values, _functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
-        """The number itself."""
+        """Return the number itself."""
         return self.value
 
     @property
@@ -188,7 +188,7 @@ class Name(Expression):
         return frozenset((self.name,))
 
     def evaluate(self, values: Values, _functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
-        """The value of the name."""
+        """Return the value of the name."""
         return values[self.name]
 
     def __str__(self) -> str:
@@ -206,11 +206,11 @@ class Unary(Expression):
     operand: Expression
 
     def operands(self) -> tuple[Expression, ...]:
-        """The operand."""
+        """Return the operand."""
         return (self.operand,)
 
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
-        """The operand with the sign."""
+        """Return the operand with the sign."""
         value = self.operand.evaluate(values, functions)
         return -value if self.operator == "-" else value
 
@@ -236,7 +236,7 @@ class Binary(Expression):
         return (self.left, self.right)
 
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
-        """The operands joined."""
+        """Return the operands joined."""
         left, right = self.left.evaluate(values, functions), self.right.evaluate(values, functions)
         return _BINARY[self.operator](left, right)
 
@@ -260,11 +260,11 @@ class Call(Expression):
     arguments: tuple[Expression, ...]
 
     def operands(self) -> tuple[Expression, ...]:
-        """The arguments."""
+        """Return the arguments."""
         return self.arguments
 
     def evaluate(self, values: Values, functions: Functions = SCALAR_FUNCTIONS, /) -> Value:
-        """The function of the arguments' values."""
+        """Return the function of the arguments' values."""
         arguments = (argument.evaluate(values, functions) for argument in self.arguments)
         return functions[self.function](*arguments)
 

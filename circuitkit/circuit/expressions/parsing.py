@@ -136,15 +136,15 @@ class _Source:
         self.python = re.sub(r"\s", " ", self._text.strip()).replace("^", "**")
 
     def is_quantity(self, name: str) -> bool:
-        """Whether a name stands for a number with a unit."""
+        """Check whether a name stands for a number with a unit."""
         return name in self._stand_ins.quantities
 
     def as_written(self, node: ast.expr) -> str:
-        """The text of a node."""
+        """Return the text of a node."""
         return self._stand_ins.as_written(ast.unparse(node))
 
     def offset(self, column: int) -> int:
-        """Where in the text, from 0, a character of the Python expression comes from."""
+        """Find where in the text, from 0, a character of the Python expression comes from."""
         length = -1
         for position, character in enumerate(self._text[self._start :], start=self._start):
             length += 2 if character == "^" else 1
@@ -153,11 +153,11 @@ class _Source:
         return max(len(self._text.rstrip()) - 1, 0)
 
     def offset_of(self, node: ast.expr) -> int:
-        """Where in the text a node begins."""
+        """Find where in the text a node begins."""
         return self.offset(self._column(node.col_offset))
 
     def offset_of_joint(self, node: ast.expr) -> int:
-        """Where in the text the operator between two operands stands, or where anything else begins."""
+        """Find where in the text the operator between two operands stands, or where anything else begins."""
         match node:
             case ast.BinOp(left=left) | ast.Compare(left=left, ops=[_]):
                 after = self.python[self._column(left.end_col_offset or 0) :]
@@ -165,7 +165,7 @@ class _Source:
         return self.offset_of(node)
 
     def _column(self, count: int) -> int:
-        """A column of `ast`, which counts bytes, in characters."""
+        """Return a column of `ast`, which counts bytes, in characters."""
         return len(self.python.encode()[:count].decode())
 
 
@@ -223,7 +223,7 @@ def _joined(is_and: bool, parts: list[Expression]) -> Expression:
 
 
 def _is_truth(expression: Expression) -> bool:
-    """Whether an expression is 1 or 0, whatever its names are."""
+    """Check whether an expression is 1 or 0, whatever its names are."""
     match expression:
         case Binary(operator=joint):
             return joint in COMPARISONS
@@ -262,7 +262,7 @@ def _literal(node: ast.expr, source: _Source) -> Expression:
 
 
 def _meant(node: ast.expr, source: _Source) -> str:
-    """A hint for what Python has, but not this language."""
+    """Return a hint for what Python has, but not this language."""
     written = source.as_written
     match node:
         case ast.IfExp(test=test, body=body, orelse=otherwise):

@@ -33,13 +33,13 @@ class StandIns:
     written: dict[str, str] = field(default_factory=dict)
 
     def add(self, written: str) -> str:
-        """A new stand-in, as long as what it stands for."""
+        """Add a new stand-in, as long as what it stands for."""
         name = chr(_FIRST_STAND_IN + len(self.written)).ljust(len(written), "_")
         self.written[name] = written
         return name
 
     def as_written(self, text: str) -> str:
-        """A text with what was written instead of the stand-ins."""
+        """Return a text with what was written instead of the stand-ins."""
         for name, written in self.written.items():
             text = text.replace(name, written)
         return text
@@ -83,7 +83,7 @@ def with_stand_ins(
 
 
 def _end_of_unit(text: str, start: int, names: Collection[str]) -> int:
-    """Where the unit behind a number ends; where the number does if there is none."""
+    """Find where the unit behind a number ends; where the number does if there is none."""
     end, pattern, words = start, _UNIT, {*names, *kwlist}
     while (match := pattern.match(text, end)) is not None and match["symbol"] not in words:
         if match["symbol"] not in UNIT_SYMBOLS:

@@ -22,7 +22,7 @@ _NEAR_ZERO = Number(3e-4)  # below it, three terms of the series of exprel' are 
 
 
 def derivative(expression: Expression, name: str) -> Expression:
-    """The partial derivative with respect to a name, simplified.
+    """Return the partial derivative with respect to a name, simplified.
 
     Functions with steps or kinks have theirs almost everywhere: that of `heaviside`, `sign`, `floor` and of
     comparisons is zero, at a kink of `abs`, `clip`, `max`, `min` or `where` it is the one of one side.
@@ -35,7 +35,7 @@ def derivative(expression: Expression, name: str) -> Expression:
 
 
 def substitute(expression: Expression, replacements: Mapping[str, Expression]) -> Expression:
-    """The expression with every name that has a replacement replaced, all at once."""
+    """Return the expression with every name that has a replacement replaced, all at once."""
     match expression:
         case Name(name=name):
             return replacements.get(name, expression)
@@ -50,7 +50,7 @@ def substitute(expression: Expression, replacements: Mapping[str, Expression]) -
 
 @lru_cache(maxsize=4096)
 def simplify(expression: Expression) -> Expression:
-    """An expression of the same value, wherever that is finite, without needless constants, 0 and 1."""
+    """Give an expression of the same value, wherever that is finite, without needless constants, 0 and 1."""
     match expression:
         case Unary(operator=sign, operand=operand):
             return _sign(sign, simplify(operand))
@@ -62,7 +62,7 @@ def simplify(expression: Expression) -> Expression:
 
 
 def constant(expression: Expression) -> float | None:
-    """The value of a number, with its signs; None for anything else."""
+    """Return the value of a number, with its signs; None for anything else."""
     match expression:
         case Number(value=number):
             return number
@@ -72,12 +72,12 @@ def constant(expression: Expression) -> float | None:
 
 
 def _number(value: float) -> Expression:
-    """A number as the parser has it: negative ones are a sign and a number."""
+    """Return a number as the parser has it: negative ones are a sign and a number."""
     return Number(abs(value)) if value >= 0 else Unary("-", Number(-value))
 
 
 def _computed(expression: Expression) -> Expression:
-    """The value of an expression without names, if it has one."""
+    """Return the value of an expression without names, if it has one."""
     try:
         value = expression.evaluate({})
     except (ArithmeticError, ValueError):
@@ -108,7 +108,7 @@ def _binary(expression: Binary) -> Expression:
 
 
 def _with_left(expression: Binary, left: float) -> Expression | None:
-    """What is left of it if its left operand is a special number."""
+    """Find what is left of it if its left operand is a special number."""
     match expression.operator, left:
         case ("+", 0.0) | ("*", 1.0):
             return expression.right
@@ -120,7 +120,7 @@ def _with_left(expression: Binary, left: float) -> Expression | None:
 
 
 def _with_right(expression: Binary, right: float) -> Expression | None:
-    """What is left of it if its right operand is a special number."""
+    """Find what is left of it if its right operand is a special number."""
     match expression.operator, right:
         case ("+" | "-", 0.0) | ("*" | "/" | "**", 1.0):
             return expression.left

@@ -70,7 +70,7 @@ class _Formula:
 
 
 def evaluate(value: object, look_up: LookUp) -> Quantity:
-    """The quantity that a value of the file stands for.
+    """Return the quantity that a value of the file stands for.
 
     Args:
         value: As written: a number or a text; anything else is complained about.
@@ -111,7 +111,7 @@ def compute(value: object, look_up: LookUp, variables: Mapping[str, Amount] | No
 
 
 def names_in(value: object) -> frozenset[str]:
-    """The names that a value of the file mentions, of whatever kind."""
+    """Return the names that a value of the file mentions, of whatever kind."""
     if not isinstance(value, str):
         return frozenset()
     return frozenset(match["name"] for match in _NAME.finditer(value))
@@ -146,7 +146,7 @@ def _unit(formula: _Formula, amounts: Mapping[str, Amount]) -> Unit:
 
 
 def _in_order(expression: Expression) -> Iterator[str]:
-    """The names in an expression, from left to right."""
+    """Yield the names in an expression, from left to right."""
     if isinstance(expression, Name):
         yield expression.name
     for operand in expression.operands():
@@ -154,7 +154,7 @@ def _in_order(expression: Expression) -> Iterator[str]:
 
 
 def _named(formula: _Formula, key: str, look_up: LookUp, variables: Mapping[str, Amount]) -> Amount:
-    """What a name in an expression stands for: a variable, a parameter, a constant, or a unit."""
+    """Find what a name in an expression stands for: a variable, a parameter, a constant, or a unit."""
     name, offset = formula.names[key]
     if name in variables:
         return variables[name]
@@ -176,7 +176,7 @@ def _named(formula: _Formula, key: str, look_up: LookUp, variables: Mapping[str,
 
 @lru_cache(maxsize=8192)
 def _read(text: str) -> Quantity | _Formula:
-    """A text of the file as a quantity or an expression.
+    """Read a text of the file as a quantity or an expression.
 
     Raises:
         ValueProblemError: It is neither.
@@ -198,7 +198,7 @@ def _read(text: str) -> Quantity | _Formula:
 
 
 def _formula(text: str) -> _Formula:
-    """A text of the file as an expression.
+    """Return a text of the file as an expression.
 
     Raises:
         ExpressionError: It is none.
@@ -236,14 +236,14 @@ def _finite(number: float) -> float:
 
 
 def not_a_value(value: object) -> str | None:
-    """The complaint about something that is neither a number nor a text; None if it is one."""
+    """Return the complaint about something that is neither a number nor a text; None if it is one."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         return None
     return f"found {describe(value)}; allowed: a number, a quantity such as '-80 mm', or a parameter"
 
 
 def unknown_parameter(name: str, parameters: Iterable[str]) -> ValueProblemError:
-    """The complaint about a name that is no parameter."""
+    """Return the complaint about a name that is no parameter."""
     known = tuple(parameters)
     allowed = f"a number, a quantity such as '-80 mm', or a parameter: {listing(known)}"
     return ValueProblemError(f"unknown parameter '{name}'; allowed: {allowed}", suggest(name, known))

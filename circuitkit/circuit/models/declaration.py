@@ -75,7 +75,7 @@ class Declaration:
             raise InputError(*sorted(self.problems, key=lambda problem: (problem.line, problem.column)))
 
     def rule(self, place: Place, text: str) -> tuple[UnitRule, Unit | None]:
-        """The rule that a unit means; complains and goes on with a dimensionless one."""
+        """Return the rule that a unit means; complains and goes on with a dimensionless one."""
         try:
             return parse_unit_rule(text, self.words)
         except UnitError as error:
@@ -83,7 +83,7 @@ class Declaration:
             return UnitRule(text), DIMENSIONLESS
 
     def dimension(self, rule: UnitRule) -> OpenDimension:
-        """The dimension that a rule means; that of the activation put in if the model fixes it."""
+        """Return the dimension that a rule means; that of the activation put in if the model fixes it."""
         source = 0 if self.plain_source else rule.source
         found = OpenDimension(rule.fixed, rule.activation, source).times(self.weight, rule.weight)
         if self.activation is None:
@@ -91,7 +91,7 @@ class Declaration:
         return OpenDimension(found.fixed.times(self.activation, found.activation), 0, found.source)
 
     def parameters(self, forms: Mapping[str, ParameterForm]) -> tuple[ModelParameter, ...]:
-        """The parameters; from here on equations may use them."""
+        """Return the parameters; from here on equations may use them."""
         found = []
         for name, form in forms.items():
             place: Place = ("parameters", name)
@@ -107,7 +107,7 @@ class Declaration:
     def states(
         self, forms: Mapping[str, StateForm], parameters: Collection[str], also: Collection[str] = ()
     ) -> tuple[ModelState, ...]:
-        """The states; from here on equations may use them. `also`: further names for initial values."""
+        """Give the states; from here on equations may use them. `also`: further names for initial values."""
         found = []
         for name, form in forms.items():
             place: Place = ("states", name)
@@ -122,7 +122,7 @@ class Declaration:
         return tuple(found)
 
     def equation(self, place: Place, text: str, names: Iterable[str]) -> Expression:
-        """The expression of these names; complains and goes on with zero."""
+        """Return the expression of these names; complains and goes on with zero."""
         try:
             found = parse_expression(text, names, units=True)
             require_values(found)
@@ -146,7 +146,7 @@ class Declaration:
     def equations(
         self, place: Place, texts: Mapping[str, str], states: Collection[str], names: Iterable[str]
     ) -> dict[str, Expression]:
-        """An expression for each of some states, of the state's dimension; by time for derivatives."""
+        """Return an expression for each of some states, of the state's dimension; by time for derivatives."""
         allowed, found = tuple(names), {}
         for state, text in texts.items():
             if state not in states:
@@ -200,7 +200,7 @@ class Declaration:
         self.complain(place, message, at_key=True)
 
     def _default(self, place: Place, text: str, rule: UnitRule) -> float:
-        """The default, [SI]: zero, or of the rule's dimension; a plain number if a circuit decides it."""
+        """Read the default, [SI]: zero, of the rule's dimension, or a number if a circuit decides that."""
         try:
             quantity = parse_quantity(text)
         except UnitError as error:

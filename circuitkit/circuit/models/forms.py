@@ -14,7 +14,7 @@ from circuitkit.circuit.models.model import Method
 
 
 def _as_text(value: object) -> object:
-    """A bare number is an expression, a unit (1) or a quantity, too."""
+    """Return a bare number is an expression, a unit (1) or a quantity, too."""
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 

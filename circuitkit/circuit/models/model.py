@@ -53,7 +53,7 @@ class UnitRule:
         source: Dimension = _PLAIN,
         weight: Dimension = _PLAIN,
     ) -> Dimension:
-        """The dimension in a circuit where the three are these."""
+        """Return the dimension in a circuit where the three are these."""
         found = self.fixed.times(activation, self.activation)
         return found.times(source, self.source).times(weight, self.weight)
 

@@ -42,7 +42,7 @@ _TAKEN_BY_SYNAPSES = frozenset(
 
 
 def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
-    """The neuron model declared at a place of a document; the last key of the place is its name.
+    """Read the neuron model declared at a place of a document; the last key of the place is its name.
 
     Raises:
         InputError: It is no sound declaration; carries every problem, with line and column.
@@ -80,7 +80,7 @@ def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
 
 
 def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
-    """The synapse model declared at a place of a document; the last key of the place is its name.
+    """Read the synapse model declared at a place of a document; the last key of the place is its name.
 
     The units of its equations should fit whatever the source's is. If they fit only where the source has
     none, as neurons have none, and its parameters and states do not speak of the source's, the model is for
@@ -150,7 +150,7 @@ def _form(document: Document, place: Place, kind: type[FormT]) -> FormT:
 
 
 def _activation(declaration: Declaration, form: NeuronForm) -> Unit | None:
-    """The unit of the activation if the model fixes it; the declaration knows it from here on."""
+    """Return the unit of the activation if the model fixes it; the declaration knows it from here on."""
     if form.activation is None:
         return None
     rule, unit = declaration.rule(("activation",), form.activation)
@@ -190,7 +190,7 @@ def _check_kind(declaration: Declaration, form: NeuronForm) -> None:
 
 
 def _outer_names(declaration: Declaration, form: SynapseForm) -> tuple[str, ...]:
-    """What a synapse sees beside its own states and parameters; their dimensions are known from here on."""
+    """Note what a synapse sees beside its own states and parameters, with its dimensions."""
     source = declaration.dimension(UnitRule("", source=1))
     seen = {POST: NO_DIMENSION, GATE: NO_DIMENSION}
     if form.per == "target":

@@ -17,7 +17,7 @@ SYNAPSE_MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDE
 
 @lru_cache
 def neuron_model(name: str) -> NeuronModel:
-    """The neuron model of this name.
+    """Return the neuron model of this name.
 
     Raises:
         UnknownNameError: There is none; the message lists those there are.
@@ -30,7 +30,7 @@ def neuron_model(name: str) -> NeuronModel:
 
 @lru_cache
 def synapse_model(name: str) -> SynapseModel:
-    """The synapse model of this name.
+    """Return the synapse model of this name.
 
     Raises:
         UnknownNameError: There is none; the message lists those there are.

@@ -12,7 +12,7 @@ from circuitkit.circuit.models.model import ModelParameter, ModelState, NeuronMo
 
 
 def model_data(model: NeuronModel | SynapseModel) -> dict[str, Any]:
-    """The declaration of a model; reading it gives an equal model."""
+    """Return the declaration of a model; reading it gives an equal model."""
     parts: dict[str, Any] = {
         "description": model.description,
         "source": model.source,

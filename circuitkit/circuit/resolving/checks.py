@@ -13,8 +13,8 @@ _FAR_FROM_WHOLE = 0.01
 _MILLISECOND = parse_unit("ms")
 
 
-def doubts(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
-    """Parameters, inputs, neurons and instances without any effect on an output; delays between steps.
+def warnings_of(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
+    """Yield parameters, inputs, neurons and instances without any effect on an output; delays between steps.
 
     Of an instance's own declarations nothing is said: another circuit may use them.
     """
@@ -33,7 +33,7 @@ def doubts(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
 
 
 def _effective(graph: CircuitGraph) -> frozenset[str]:
-    """Names of the inputs, neurons and populations from which a path leads to an output."""
+    """Return names of the inputs, neurons and populations from which a path leads to an output."""
     sources: dict[str, list[str]] = {}
     links: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for synapse in links:
@@ -52,12 +52,12 @@ def _effective(graph: CircuitGraph) -> frozenset[str]:
 
 
 def _whole(name: str) -> str:
-    """The population of a member; any other name as it is."""
+    """Return the population of a member; any other name as it is."""
     return name.partition("[")[0]
 
 
 def rounded_delay(delay_s: float, step_s: float) -> str:
-    """What a delay is rounded to, in words, if that changes it by more than 1 %; else empty."""
+    """Find what a delay is rounded to, in words, if that changes it by more than 1 %; else empty."""
     rounded = round(delay_s / step_s) * step_s
     if abs(rounded - delay_s) <= _FAR_FROM_WHOLE * delay_s:
         return ""

@@ -20,7 +20,7 @@ _BLOCK = 1 << 19  # numbers held at a time
 
 
 def all_to_all(n_source: int, n_target: int, *, without_self: bool = False) -> Connections:
-    """Every source to every target, but for a member to itself where that is excluded."""
+    """Return every source to every target, but for a member to itself where that is excluded."""
     degree = n_source - without_self
     sources = np.empty((n_target, degree), dtype=np.int32)
     sources[:] = np.arange(degree, dtype=np.int32)
@@ -30,7 +30,7 @@ def all_to_all(n_source: int, n_target: int, *, without_self: bool = False) -> C
 
 
 def one_to_one(size: int) -> Connections:
-    """Every source to the target of the same number."""
+    """Return every source to the target of the same number."""
     return np.arange(size + 1, dtype=np.int64), np.arange(size, dtype=np.int32)
 
 
@@ -69,7 +69,7 @@ def in_degree(
 def probability(
     chance: float, n_source: int, n_target: int, random: np.random.Generator, *, without_self: bool = False
 ) -> Connections:
-    """Every pair with the same chance, each independent of the others.
+    """Return every pair with the same chance, each independent of the others.
 
     From pair to pair: the number of pairs up to the next synapse has a geometric distribution.
 
@@ -108,7 +108,7 @@ def probability(
 
 
 def _blocks(n_rows: int, width: int) -> Iterator[tuple[int, int]]:
-    """Ranges of rows that together hold about a block of numbers."""
+    """Return ranges of rows that together hold about a block of numbers."""
     height = max(1, _BLOCK // max(1, width))
     return ((begin, min(begin + height, n_rows)) for begin in range(0, n_rows, height))
 

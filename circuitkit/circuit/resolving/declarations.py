@@ -17,7 +17,7 @@ _INDICES = frozenset({"i", "j", "n", "n_source", "n_target"})
 
 
 def merged(parts: Sequence[Part], section: str, findings: Findings) -> dict[str, Item[Any]]:
-    """A section of all files; complains about names that are declared twice."""
+    """Return a section of all files; complains about names that are declared twice."""
     found: dict[str, Item[Any]] = {}
     for part in parts:
         for name, spec in getattr(part.spec, section).items():
@@ -32,7 +32,7 @@ def merged(parts: Sequence[Part], section: str, findings: Findings) -> dict[str,
 def merged_parameters(
     parts: Sequence[Part], findings: Findings
 ) -> tuple[dict[str, Item[ParameterSpec]], dict[str, list[Item[ParameterSpec]]]]:
-    """The parameters of all files, and those of included files that another one took the place of.
+    """Return the parameters of all files, and those of included files that another one took the place of.
 
     A parameter may be declared again by a file that includes the other one: the including file's counts,
     and must be of the same dimension.
@@ -60,7 +60,7 @@ def _complain_of_second(item: Item[Any], first: Item[Any], findings: Findings) -
 def claim_names(
     sections: Mapping[str, Mapping[str, Item[Any]]], findings: Findings
 ) -> dict[str, tuple[str, Item[Any]]]:
-    """Inputs, neurons, populations and outputs, by their kinds: they share one set of names."""
+    """Return inputs, neurons, populations and outputs, by their kinds: they share one set of names."""
     nodes: dict[str, tuple[str, Item[Any]]] = {}
     for kind, items in sections.items():
         for name, item in items.items():
@@ -104,7 +104,7 @@ def doubt_names(
 def refuse_inner_names(
     nodes: Mapping[str, tuple[str, Item[Any]]], instances: Collection[str], findings: Findings
 ) -> None:
-    """Names with dots are for files without instances; with them, they belong to what is inside."""
+    """Refuse names with dots in a file with instances, where they belong to what is inside."""
     for name, (kind, item) in nodes.items():
         first, dot, _ = name.partition(".")
         if dot and first in instances:
@@ -114,5 +114,5 @@ def refuse_inner_names(
 
 
 def a_kind(kind: str) -> str:
-    """A kind of thing with its article."""
+    """Return a kind of thing with its article."""
     return f"{'an' if kind[0] in 'io' else 'a'} {kind}"

@@ -44,11 +44,11 @@ class DeclaredModels:
         )
 
     def neuron(self, item: Item[Any]) -> NeuronModel | None:
-        """The model that a neuron or population names, or None after complaining."""
+        """Return the model that a neuron or population names, or None after complaining."""
         return self._find(item, self.neurons, NEURON_MODEL_NAMES, neuron_model)
 
     def synapse(self, item: Item[Any]) -> SynapseModel | None:
-        """The model that a synapse or projection names, or None after complaining."""
+        """Return the model that a synapse or projection names, or None after complaining."""
         return self._find(item, self.synapses, SYNAPSE_MODEL_NAMES, synapse_model)
 
     def _find(
@@ -77,7 +77,7 @@ def _own(
     shipped: Sequence[str],
     all_models: dict[str, ModelT],
 ) -> dict[str, ModelT]:
-    """The models that the files declare; a name stands for the same equations in the whole circuit."""
+    """Return the models that the files declare; a name stands for the same equations in the whole circuit."""
     own: dict[str, ModelT] = {}
     for part in scope.parts:
         for name in getattr(part.spec, section):
@@ -104,7 +104,7 @@ def _own(
 def written_parameters(
     scope: Scope, item: Item[Any], model: NeuronModel | SynapseModel, read: Reader
 ) -> dict[str, Amount]:
-    """The parameters of a model that an entry gives; complains about missing and unknown ones.
+    """Return the parameters of a model that an entry gives; complains about missing and unknown ones.
 
     Args:
         scope: Where the entry stands.
@@ -141,7 +141,7 @@ def written_parameters(
 
 @cache
 def _keys(spec: type[WithModelParameters]) -> Mapping[str, bool]:
-    """The keys of an entry beside the parameters of its model, with whether they are required."""
+    """Return the keys of an entry beside the parameters of its model, with whether they are required."""
     return {field.alias or name: field.is_required() for name, field in spec.model_fields.items()}
 
 
@@ -171,7 +171,7 @@ def check_order(
 def _ordered(
     model: NeuronModel | SynapseModel, written: Mapping[str, Amount]
 ) -> Iterator[tuple[str, Amount]]:
-    """The parameters of a model that must increase, as written or by default."""
+    """Yield the parameters of a model that must increase, as written or by default."""
     parameters = {parameter.name: parameter for parameter in model.parameters}
     for name in model.increasing:
         parameter = parameters[name]

@@ -35,7 +35,7 @@ class Header:
 
 
 def read_header(scope: Scope) -> Header | None:
-    """The header of a circuit; complains about included files that are made for another step or timing."""
+    """Read the header of a circuit; complain about included files made for another step or timing."""
     main, spec = scope.main, scope.main.spec
     timing = _timing(scope)
     step = None
@@ -67,7 +67,7 @@ def _timing(scope: Scope) -> Timing | None:
 
 
 def whole_number(scope: Scope, key: str, absent: int, least: int) -> int | None:
-    """A whole number of the circuit file; None after complaining."""
+    """Return a whole number of the circuit file; None after complaining."""
     value = getattr(scope.main.spec, key)
     if value is None and not scope.is_given(scope.main, (key,)):
         return absent

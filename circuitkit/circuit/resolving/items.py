@@ -48,7 +48,7 @@ class Item(Generic[SpecT]):
     def problem(
         self, inner: Place, message: str, hint: str = "", *, at_key: bool = False, offset: int | None = None
     ) -> Problem:
-        """A complaint about a part of it.
+        """Return a complaint about a part of it.
 
         Args:
             inner: The part.
@@ -63,7 +63,7 @@ class Item(Generic[SpecT]):
         return self.part.document.problem(place, message, hint, at_key=at_key, offset=offset)
 
     def seen_from(self, part: Part) -> str:
-        """Where it stands, in words for a message about another place."""
+        """Find where it stands, in words for a message about another place."""
         origin = self.origin
         return f"on line {origin.line}" if part.document is self.part.document else f"at {origin}"
 

@@ -31,7 +31,7 @@ class MatrixFileError(CircuitkitError):
 
 
 def read_matrix(path: Path, n_target: int, n_source: int) -> Matrix:
-    """The synapses of a matrix file, with their weights if the file has any.
+    """Read the synapses of a matrix file, with their weights if the file has any.
 
     Args:
         path: The file; its suffix says what it is.
@@ -175,7 +175,7 @@ def _check_shape(shape: tuple[int, ...], n_target: int, n_source: int) -> None:
 def _checked(
     indptr: npt.NDArray[np.int64], sources: npt.NDArray[np.int32], weights: Weights, n_source: int
 ) -> Matrix:
-    """The matrix, if every pair is there once and every weight is finite; puts rows in order if need be."""
+    """Require every pair once and finite weights; put rows in order if need be."""
     if weights is not None and not np.isfinite(weights.sum()):
         wrong = np.flatnonzero(~np.isfinite(weights))
         if len(wrong):
@@ -200,7 +200,7 @@ def _checked(
 
 
 def _not_ascending(indptr: npt.NDArray[np.int64], sources: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
-    """Where a source is not below the next one of the same target, shape (n_synapses - 1,)."""
+    """Find where a source is not below the next one of the same target, shape (n_synapses - 1,)."""
     wrong = sources[1:] <= sources[:-1]
     starts = indptr[1:-1]
     wrong[starts[(starts > 0) & (starts < len(sources))] - 1] = False
@@ -212,5 +212,5 @@ def _pair(
     sources: npt.NDArray[np.int32],
     position: Any,  # noqa: ANN401 - an index
 ) -> tuple[int, int]:
-    """Row and column of a synapse, from 0."""
+    """Return row and column of a synapse, from 0."""
     return int(np.searchsorted(indptr, position, side="right")) - 1, int(sources[position])

@@ -22,12 +22,12 @@ class Budget:
     needed: float = 0.0
 
     def neurons(self, size: int, n_parameters: int, n_states: int) -> str:
-        """The complaint about neurons that do not fit any more; empty if they do."""
+        """Return the complaint about neurons that do not fit any more; empty if they do."""
         each = _FLOAT * (_ROWS_OF_NEURON + n_parameters + 3 * n_states)
         return self._take(size * each, f"{size} neurons")
 
     def synapses(self, count: float, n_arrays: int, n_targets: int) -> str:
-        """The complaint about synapses that do not fit any more; empty if they do.
+        """Return the complaint about synapses that do not fit any more; empty if they do.
 
         Args:
             count: How many, perhaps only expected.

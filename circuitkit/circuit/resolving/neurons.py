@@ -22,7 +22,7 @@ from circuitkit.circuit.resolving.scope import Scope
 
 
 def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
-    """The neurons that a scope declares, as far as they are sound."""
+    """Yield the neurons that a scope declares, as far as they are sound."""
     for name, item in scope.neurons.items():
         model = models.neuron(item)
         if model is None:
@@ -33,7 +33,7 @@ def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
 
 
 def neuron_values(scope: Scope, item: Item[Any], model: NeuronModel, read: Reader) -> dict[str, Any] | None:
-    """What neurons and populations have alike, by the names of their fields; None after complaining."""
+    """Find what neurons and populations have alike, by the names of their fields; None after complaining."""
     found = neuron_parameters(scope, item, model, read)
     if found is None:
         return None
@@ -61,7 +61,7 @@ def _reader(scope: Scope, item: Item[Any]) -> Reader:
 def neuron_parameters(
     scope: Scope, item: Item[Any], model: NeuronModel, read: Reader
 ) -> tuple[Unit, dict[str, Any]] | None:
-    """The unit of the activation, and a value for every parameter of the model, [SI].
+    """Return the unit of the activation, and a value for every parameter of the model, [SI].
 
     None after complaining, or if a parameter is lost: the unit is then not known, and nobody should complain
     about synapses that do not fit it.
@@ -83,7 +83,7 @@ def neuron_parameters(
 
 
 def _activation_unit(model: NeuronModel, written: Mapping[str, Amount]) -> Unit:
-    """The unit of the activation: the model's, a parameter's, or one that a parameter implies."""
+    """Return the unit of the activation: the model's, a parameter's, or one that a parameter implies."""
     if model.activation is not None:
         return model.activation
     for power in (1, -1):
@@ -101,14 +101,14 @@ def _activation_unit(model: NeuronModel, written: Mapping[str, Amount]) -> Unit:
 
 
 def shown_unit(entry: ModelParameter | ModelState, dimension: Dimension, activation: Unit) -> Unit:
-    """The unit in which a parameter or state is shown: its own, else the activation's, else that of SI."""
+    """Find the unit to show a parameter or state in: its own, else the activation's, else that of SI."""
     if entry.unit is not None and entry.unit.dimension == dimension:
         return entry.unit
     return activation if dimension == activation.dimension else dimension.si_unit
 
 
 def because(entry: ModelParameter | ModelState, activation: Unit) -> str:
-    """Why a parameter or state has its dimension."""
+    """Find why a parameter or state has its dimension."""
     if entry.unit_rule.activation:
         return f"the activation is {in_unit(activation)}"
     return f"{entry.name} is {in_unit(entry.unit) if entry.unit else entry.unit_rule.fixed}"
@@ -120,7 +120,7 @@ def in_unit(unit: Unit) -> str:
 
 
 def start(model: NeuronModel | SynapseModel, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The start of every state of a model by its own declaration, [SI].
+    """Return the start of every state of a model by its own declaration, [SI].
 
     Args:
         model: The model.
@@ -134,7 +134,7 @@ def start(model: NeuronModel | SynapseModel, values: Mapping[str, Any]) -> dict[
 def neuron_start(
     scope: Scope, item: Item[Any], model: NeuronModel, unit: Unit, parameters: Mapping[str, Any], read: Reader
 ) -> dict[str, Any]:
-    """The start of every state of a neuron or population: as the entry says, else as the model does, [SI]."""
+    """Work out the start of every state: as the entry says, else as the model does, [SI]."""
     if not model.states and not item.spec.initial:
         return {}
     states = {state.name: state for state in model.states}
@@ -155,7 +155,7 @@ def neuron_start(
 
 
 def neuron_noise(scope: Scope, item: Item[Any], unit: Unit, read: Reader) -> Any:  # noqa: ANN401 - number or array
-    """The standard deviation of the noise of a neuron or population, [SI]."""
+    """Return the standard deviation of the noise of a neuron or population, [SI]."""
     place = ("noise",)
     if item.spec.noise is None and not scope.is_given(item, place):
         return 0.0

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.circuit.graph import OutputNode, PerMember
-from circuitkit.circuit.resolving.ends import Nodes
+from circuitkit.circuit.resolving.endpoints import Nodes
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit
 from circuitkit.circuit.resolving.scope import Scope
@@ -16,7 +16,7 @@ _READ = ("neuron", "member", "population")
 
 
 def outputs(root: Scope, nodes: Nodes) -> Iterator[OutputNode]:
-    """The outputs of a circuit, those of instances first; complains also about those that are not kept."""
+    """Yield the outputs of a circuit, those of instances first; complain also about those not kept."""
     kept = {id(located.item): name for name, located in root.published.items()}
     for scope in root.everything():
         for name, item in scope.outputs.items():
@@ -48,14 +48,14 @@ def _readout(
         reason = f"the output is {in_unit(unit)}"
         end = nodes.located(scope, item, place, located, at_key=True) if located else None
         if end is not None and end.is_population:
-            from circuitkit.circuit.resolving.spread import spread  # brings numpy: 0.1 s
+            from circuitkit.circuit.resolving.member_values import member_values  # brings numpy: 0.1 s
 
-            values = spread(scope, item, place, value, end.size)
+            values = member_values(scope, item, place, value, end.size)
             if values is not None and scope.fits(item, place, values, unit, reason):
                 yield end.name, values.value
             continue
         if end is None and (located is None or located.kind == "population"):
-            continue  # whether it is a list of weights cannot be told
+            continue  # whether it is a list of weights is not known
         weight = scope.value(item, place, value, unit, reason)
         if weight is not None:
             if weight.value_si == 0:

@@ -22,7 +22,7 @@ LARGEST = 2**31 - 1
 
 
 def populations(scope: Scope, models: DeclaredModels, budget: Budget) -> Iterator[Population]:
-    """The populations that a scope declares, as far as they are sound."""
+    """Yield the populations that a scope declares, as far as they are sound."""
     for name, item in scope.populations.items():
         model = models.neuron(item)
         size = _size(scope, item, model, budget)
@@ -34,7 +34,7 @@ def populations(scope: Scope, models: DeclaredModels, budget: Budget) -> Iterato
 
 
 def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, budget: Budget) -> int | None:
-    """How many members, if that is a number of neurons that fits into memory; None after complaining."""
+    """Find how many members, if that is a number of neurons that fits into memory; None after complaining."""
     size = scope.value(item, ("size",), item.spec.size, DIMENSIONLESS, "it is a number of neurons")
     if size is None:
         return None
@@ -54,9 +54,9 @@ def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, b
 
 
 def _reader(scope: Scope, item: Item[Any], size: int) -> Reader:
-    from circuitkit.circuit.resolving.spread import spread  # brings numpy: 0.1 s
+    from circuitkit.circuit.resolving.member_values import member_values  # brings numpy: 0.1 s
 
     def read(place: Place, value: object) -> Amount | None:
-        return spread(scope, item, place, value, size)
+        return member_values(scope, item, place, value, size)
 
     return read

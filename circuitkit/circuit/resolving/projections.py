@@ -19,24 +19,24 @@ from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.resolving import connectivity
 from circuitkit.circuit.resolving.connectivity import Connections
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader, written_parameters
-from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.header import Header
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.matrices import MatrixFileError, read_matrix
+from circuitkit.circuit.resolving.member_values import generator, listed
 from circuitkit.circuit.resolving.memory import Budget
 from circuitkit.circuit.resolving.neurons import start
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.resolving.signals import Signals, Term
-from circuitkit.circuit.resolving.spread import generator, listed
 from circuitkit.circuit.resolving.synapses import (
     check_linear,
     check_parameters,
     check_reads,
     check_sign,
     delay_s,
-    doubt_delay,
     gate_name,
     source_end,
+    warn_of_delay,
     weight_fits,
 )
 from circuitkit.circuit.spec import ConnectSpec, ProjectionSpec
@@ -54,7 +54,7 @@ def projections(
     budget: Budget,
     header: Header | None,
 ) -> Iterator[Projection]:
-    """The projections that a scope declares, as far as they are sound."""
+    """Yield the projections that a scope declares, as far as they are sound."""
     numbers: dict[str, int] = {}
     first: dict[tuple[object, ...], Item[ProjectionSpec]] = {}
     for item in scope.projections():
@@ -76,11 +76,11 @@ def projections(
 def _is_first(
     scope: Scope,
     item: Item[ProjectionSpec],
-    source: End,
-    target: End,
+    source: Endpoint,
+    target: Endpoint,
     first: dict[tuple[object, ...], Item[ProjectionSpec]],
 ) -> bool:
-    """Whether an entry says something new; complains about one that connects the same in the same way."""
+    """Check whether an entry says something new; complain about one that says the same as another."""
     spec = item.spec
     rule = spec.connect if isinstance(spec.connect, str) else spec.connect.model_dump_json()
     key = (source.name, target.name, rule, spec.model, spec.gate, spec.delay)
@@ -93,7 +93,7 @@ def _is_first(
     return True
 
 
-def _target(scope: Scope, item: Item[ProjectionSpec], nodes: Nodes) -> End | None:
+def _target(scope: Scope, item: Item[ProjectionSpec], nodes: Nodes) -> Endpoint | None:
     name = item.spec.to
     located = scope.locate(name)
     if located is None or located.kind not in _TARGETS:
@@ -113,8 +113,8 @@ class _Making:
         scope: Scope,
         item: Item[ProjectionSpec],
         model: SynapseModel,
-        source: End,
-        target: End,
+        source: Endpoint,
+        target: Endpoint,
         budget: Budget,
         stream: str,
     ) -> None:
@@ -125,10 +125,10 @@ class _Making:
         self.without_self = self.is_loop and not item.spec.self_connections
 
     def projections(self, terms: Sequence[Term], gate: str, header: Header | None) -> Iterator[Projection]:
-        """The projection, or one for each node that feeds an instance's input; complains on the way."""
+        """Yield the projection, or one for each node that feeds an instance's input; complains on the way."""
         scope, item, model = self.scope, self.item, self.model
         delay = delay_s(scope, item)
-        doubt_delay(scope, item, delay, self.source, [self.target], header)
+        warn_of_delay(scope, item, delay, self.source, [self.target], header)
         if not check_reads(scope, item, model, self.source, self.target):
             return
         found = self._connections()
@@ -151,15 +151,15 @@ class _Making:
         values: dict[str, PerMember] = dict(model.defaults)
         values |= {name: each.value for name, each in written.items()}
         for term in terms:
-            if "[" in term.end.name:
-                message = f"found '{self.source.name}', which the member {term.end.name} feeds"
+            if "[" in term.endpoint.name:
+                message = f"found '{self.source.name}', which the member {term.endpoint.name} feeds"
                 allowed = "inputs and neurons as the source of a projection"
                 scope.errors.append(item.problem(("from",), f"{message}; allowed: {allowed}"))
                 return
-            through = term.end.name != self.source.name or term.factor != 1.0
+            through = term.endpoint.name != self.source.name or term.factor != 1.0
             weights = weight.value if term.factor == 1.0 else weight.value * term.factor
             yield Projection(
-                source=term.end.name,
+                source=term.endpoint.name,
                 target=self.target.name,
                 indptr=connections[0],
                 sources=connections[1],
@@ -174,7 +174,7 @@ class _Making:
             )
 
     def _connections(self) -> tuple[Connections, npt.NDArray[np.float64] | None] | None:
-        """Which members are connected, and what a matrix file has in each place; None after complaining."""
+        """Find which members are connected, and a matrix file's entries; None after complaining."""
         connect, n_source, n_target = self.item.spec.connect, self.source.size, self.target.size
         if connect == "all_to_all":
             if self._is_too_much(float(n_source) * n_target):
@@ -282,7 +282,7 @@ class _Making:
         self.scope.errors.append(self.item.problem(("connect", *inner), message))
 
     def _weight(self, connections: Connections, entries: npt.NDArray[np.float64] | None) -> Amount | None:
-        """The weights, [SI]: as written, times what a matrix file has; None after complaining."""
+        """Return the weights, [SI]: as written, times what a matrix file has; None after complaining."""
         written = self.item.spec.weight
         if written is None:
             if entries is None:
@@ -325,7 +325,7 @@ class _Making:
     def _by_synapse(
         self, place: Place, value: object, variables: Mapping[str, Amount], connections: Connections
     ) -> Amount | None:
-        """An expression for every synapse, worked out for some rows at a time."""
+        """Return an expression for every synapse, worked out for some rows at a time."""
         indptr, sources = connections
         numbers = np.empty(len(sources))
         unit = None

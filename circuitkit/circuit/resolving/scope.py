@@ -152,17 +152,17 @@ class Scope:
         self.nodes[name] = ("output", output.item)
 
     def everything(self) -> Iterator[Scope]:
-        """All scopes: those of instances before the one around them."""
+        """Yield all scopes: those of instances before the one around them."""
         for instance in self.instances.values():
             yield from instance.everything()
         yield self
 
     def synapses(self) -> Iterator[Item[SynapseSpec]]:
-        """The synapses of all files, in order."""
+        """Return the synapses of all files, in order."""
         return self._entries("synapses")
 
     def projections(self) -> Iterator[Item[ProjectionSpec]]:
-        """The projections of all files, in order."""
+        """Return the projections of all files, in order."""
         return self._entries("projections")
 
     def _entries(self, section: str) -> Iterator[Item[Any]]:
@@ -173,14 +173,14 @@ class Scope:
                 yield Item("", spec, part, (section, number))
 
     def is_lost(self, name: str) -> bool:
-        """Whether a missing name may be missing only because of something that is reported already."""
+        """Check whether a missing name may be missing only because of something that is reported already."""
         first, dot, rest = name.partition(".")
         if dot and first in self.instances and self.instances[first].is_lost(rest):
             return True
         return self.incomplete or name.partition("[")[0] in self.lost or first in self.lost_instances
 
     def locate(self, name: str) -> Located | None:
-        """What a name of an input, neuron, population, member or output stands for; None if nothing has it.
+        """Find what the name of a node, a member or an output stands for; None if nothing has it.
 
         A member need not exist: its number is not compared with the size of the population.
         """
@@ -202,13 +202,13 @@ class Scope:
         return self.instances[first].locate(rest) if dot and first in self.instances else None
 
     def names(self, *kinds: str) -> list[str]:
-        """The names of these kinds that can be used here: its own, then those of its instances."""
+        """Return the names of these kinds that can be used here: its own, then those of its instances."""
         own = [name for name, (kind, _) in self.nodes.items() if kind in kinds]
         inner = [f"{key}.{name}" for key, scope in self.instances.items() for name in scope.names(*kinds)]
         return [*own, *inner]
 
     def unknown(self, what: str, name: str, allowed: str, names: Sequence[str]) -> tuple[str, str]:
-        """Message and hint about a name that is not among the names allowed here."""
+        """Return message and hint about a name that is not among the names allowed here."""
         found = f"unknown {what} '{name}'"
         located = self.locate(name)
         if located is not None:
@@ -220,7 +220,7 @@ class Scope:
         return f"{found}; allowed: {allowed}: {listing(names)}", self._suggestion(name, names)
 
     def _suggestion(self, name: str, names: Sequence[str]) -> str:
-        """What was probably meant; of a member of a population, too."""
+        """Find what was probably meant; of a member of a population, too."""
         whole, bracket, member = name.partition("[")
         if not bracket:
             return suggest(name, names)
@@ -228,12 +228,12 @@ class Scope:
         return suggest(f"{whole}[{member}", members)
 
     def address(self, item: Item[SpecT], inner: Place) -> str:
-        """How a value is called from outside, such as `lateral.q1.slope`."""
+        """Find how a value is called from outside, such as `lateral.q1.slope`."""
         words = [item.name, *(str(part) for part in inner if part != "value")]
         return self.prefix + ".".join(word for word in words if word)
 
     def is_given(self, item: Item[SpecT], inner: Place) -> bool:
-        """Whether a value is given from outside."""
+        """Check whether a value is given from outside."""
         if not self.findings.overrides or (item.place and not item.name):
             return False  # nothing is given, or it is a synapse, which has no name to call it by
         address = self.address(item, inner)
@@ -243,7 +243,7 @@ class Scope:
     def value(
         self, item: Item[SpecT], inner: Place, value: object, unit: Unit | None = None, reason: str = ""
     ) -> Quantity | None:
-        """The quantity that a value stands for, or None after complaining.
+        """Return the quantity that a value stands for, or None after complaining.
 
         Args:
             item: What the value belongs to.
@@ -283,7 +283,7 @@ class Scope:
     def fits(
         self, item: Item[SpecT], inner: Place, quantity: Quantity | Amount, unit: Unit, reason: str = ""
     ) -> bool:
-        """Whether a quantity has the dimension of a unit; complains if not."""
+        """Check whether a quantity has the dimension of a unit; complains if not."""
         if quantity.unit.dimension == unit.dimension:
             return True
         allowed = f"{unit.dimension}, such as '1 {unit}'" if any(unit.dimension) else "a number without unit"
@@ -298,7 +298,7 @@ class Scope:
     def pair(
         self, item: Item[SpecT], key: str, values: tuple[float | str, float | str], unit: Unit
     ) -> tuple[Quantity, Quantity] | None:
-        """Two values of which the second must be larger, or None after complaining."""
+        """Return two values of which the second must be larger, or None after complaining."""
         reason = f"the unit is {unit}"
         low, high = (self.value(item, (key, i), value, unit, reason) for i, value in enumerate(values))
         if low is None or high is None:
@@ -310,7 +310,7 @@ class Scope:
         return low, high
 
     def parameter(self, name: str) -> Quantity | None:
-        """The value of a declared parameter, or None after complaining."""
+        """Return the value of a declared parameter, or None after complaining."""
         if name not in self._values:
             item, chain = self.parameters[name], self.findings.in_progress
             full_name = self.prefix + name
@@ -329,7 +329,7 @@ class Scope:
         return self._values[name]
 
     def _worked_out(self, name: str, item: Item[ParameterSpec]) -> Quantity | None:
-        """A parameter's value: as declared, unless an including file, an instance or the caller sets it."""
+        """Work out a parameter: as declared, unless an including file, an instance or the caller sets it."""
         quantity = self.value(item, item.value_place, item.spec.value)
         for included in self._included.get(name, ()):
             before = self.value(included, included.value_place, included.spec.value)
@@ -368,7 +368,7 @@ class Scope:
         return (*self.parameters, *inner)
 
     def look_up(self, name: str) -> Quantity:
-        """The value of a parameter.
+        """Return the value of a parameter.
 
         Raises:
             ValueProblemError: There is none of this name.

@@ -8,7 +8,7 @@ from typing import Any
 
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
-from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit
 from circuitkit.circuit.resolving.scope import Located, Scope
@@ -21,7 +21,7 @@ _SOURCES = ("input", "neuron", "member", "output")
 class Term:
     """A node times a factor, [SI]."""
 
-    end: End
+    endpoint: Endpoint
     factor: float
 
 
@@ -30,17 +30,17 @@ class Signals:
 
     def __init__(self, nodes: Nodes) -> None:
         self._nodes = nodes
-        self._known: dict[str, tuple[End, tuple[Term, ...]] | None] = {}
+        self._known: dict[str, tuple[Endpoint, tuple[Term, ...]] | None] = {}
 
-    def input(self, located: Located) -> tuple[End, tuple[Term, ...]] | None:
-        """An input as an end, and the weighted sum that takes its place; None if it is unsound."""
+    def input(self, located: Located) -> tuple[Endpoint, tuple[Term, ...]] | None:
+        """Return an input as an end, and the weighted sum that takes its place; None if it is unsound."""
         name = located.name
         if name not in self._known:
             scope, entry = located.scope, located.scope.entry
             own_name = name.removeprefix(scope.prefix)
-            end = End(name, parse_unit(located.item.spec.unit))
+            end = Endpoint(name, parse_unit(located.item.spec.unit))
             if entry is None or scope.outer is None or own_name not in entry.spec.inputs:
-                known = self._nodes.end(name)
+                known = self._nodes.endpoint(name)
                 self._known[name] = None if known is None else (known, (Term(known, 1.0),))
                 return self._known[name]
             place = ("inputs", own_name)
@@ -58,8 +58,10 @@ class Signals:
             self._known[name] = (end, tuple(_merged(terms))) if terms else None
         return self._known[name]
 
-    def _terms(self, outer: Scope, entry: Item[InstanceSpec], place: Place, inner: End) -> Iterator[Term]:
-        """What an entry of an instance feeds to one of its inputs."""
+    def _terms(
+        self, outer: Scope, entry: Item[InstanceSpec], place: Place, inner: Endpoint
+    ) -> Iterator[Term]:
+        """Find what an entry of an instance feeds to one of its inputs."""
         written = entry.spec.inputs[str(place[1])]
         if isinstance(written, str):
             yield from self._scaled(outer, entry, place, written, 1.0, inner, DIMENSIONLESS)
@@ -79,10 +81,10 @@ class Signals:
         place: Place,
         name: str,
         factor: float,
-        inner: End,
+        inner: Endpoint,
         unit: Unit,
     ) -> Iterator[Term]:
-        """The terms that one name and its factor stand for."""
+        """Yield the terms that one name and its factor stand for."""
         is_key = len(place) > 2  # noqa: PLR2004 - a key of the mapping with the factors
         located = outer.locate(name)
         if located is None or located.kind not in _SOURCES:
@@ -105,12 +107,12 @@ class Signals:
             outer.errors.append(entry.problem(place, f"{message}; allowed: {allowed}, {why}"))
             return
         for term in terms:
-            yield Term(term.end, term.factor * factor)
+            yield Term(term.endpoint, term.factor * factor)
 
     def _sum(
         self, outer: Scope, entry: Item[InstanceSpec], place: Place, located: Located, *, at_key: bool
-    ) -> tuple[End, tuple[Term, ...]] | None:
-        """The weighted sum that an input, neuron, member or output around an instance stands for."""
+    ) -> tuple[Endpoint, tuple[Term, ...]] | None:
+        """Return the weighted sum that an input, neuron, member or output around an instance stands for."""
         if located.kind == "input":
             return self.input(located)
         if located.kind == "output":
@@ -120,7 +122,7 @@ class Signals:
 
     def _output(
         self, outer: Scope, entry: Item[InstanceSpec], place: Place, located: Located, *, at_key: bool
-    ) -> tuple[End, tuple[Term, ...]] | None:
+    ) -> tuple[Endpoint, tuple[Term, ...]] | None:
         item: Item[OutputSpec] = located.item
         scope, spec = located.scope, item.spec
         if spec.integrate is not None or spec.limits is not None:
@@ -145,16 +147,16 @@ class Signals:
             if end is None or weight is None:
                 return None
             terms.append(Term(end, weight.value_si))
-        return End(located.name, unit), tuple(terms)
+        return Endpoint(located.name, unit), tuple(terms)
 
 
 def _merged(terms: list[Term]) -> Iterator[Term]:
-    """One term for each node."""
+    """Return one term for each node."""
     factors: dict[str, float] = {}
-    ends: Mapping[str, End] = {term.end.name: term.end for term in terms}
+    endpoints: Mapping[str, Endpoint] = {term.endpoint.name: term.endpoint for term in terms}
     for term in terms:
-        factors[term.end.name] = factors.get(term.end.name, 0.0) + term.factor
-    return (Term(ends[name], factor) for name, factor in factors.items())
+        factors[term.endpoint.name] = factors.get(term.endpoint.name, 0.0) + term.factor
+    return (Term(endpoints[name], factor) for name, factor in factors.items())
 
 
 def unknown_inputs(scope: Scope) -> None:

@@ -1,4 +1,4 @@
-"""Entries of `synapses` to `Synapse`: ends, weights with unit and sign, parameters, delays and gates."""
+"""Entries of `synapses` to `Synapse`: endpoints, weights with unit and sign, parameters, delays and gates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.resolving.checks import rounded_delay
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, check_order, written_parameters
-from circuitkit.circuit.resolving.ends import End, Nodes
+from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.header import Header
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit, shown_unit, start
@@ -50,11 +50,11 @@ class Synapses:
                 for synapse in wiring.synapses(source, targets):
                     self._keep(synapse)
 
-    def _source(self, scope: Scope, item: Item[SynapseSpec]) -> tuple[End, Sequence[Term]] | None:
-        """The end that an entry names as its source, and what is sent there; None after complaining."""
+    def _source(self, scope: Scope, item: Item[SynapseSpec]) -> tuple[Endpoint, Sequence[Term]] | None:
+        """Give the end that an entry names as its source, and what is sent there; None after complaining."""
         return source_end(scope, item, self.nodes, self.signals, SOURCES, "an input or a neuron")
 
-    def _targets(self, scope: Scope, item: Item[SynapseSpec], gate: str) -> Iterator[End]:
+    def _targets(self, scope: Scope, item: Item[SynapseSpec], gate: str) -> Iterator[Endpoint]:
         spec = item.spec
         source = scope.locate(spec.source)
         source_name = source.name if source else spec.source
@@ -100,8 +100,8 @@ def source_end(
     signals: Signals,
     kinds: Sequence[str],
     allowed: str,
-) -> tuple[End, Sequence[Term]] | None:
-    """The end that an entry names as its source, and the weighted sum of nodes that it stands for.
+) -> tuple[Endpoint, Sequence[Term]] | None:
+    """Return the end that an entry names as its source, and the weighted sum of nodes that it stands for.
 
     That is the node itself, unless it is an input of an instance that is fed by others.
     """
@@ -119,7 +119,7 @@ def source_end(
 
 
 def _target_places(item: Item[SynapseSpec]) -> Iterator[tuple[Place, str]]:
-    """The targets of a synapse with their places: one name, or the names of a list."""
+    """Yield the targets of a synapse with their places: one name, or the names of a list."""
     targets = item.spec.to
     is_list = len(targets) > 1 or (*item.place, "to", 0) in item.part.document.marks
     for number, target in enumerate(targets):
@@ -127,7 +127,7 @@ def _target_places(item: Item[SynapseSpec]) -> Iterator[tuple[Place, str]]:
 
 
 def gate_name(scope: Scope, item: Item[Any], model: SynapseModel, nodes: Nodes) -> str:
-    """The neuron that an entry names as its gate, by its name in the whole circuit; empty for none."""
+    """Return the neuron that an entry names as its gate, by its name in the whole circuit; empty for none."""
     gate = item.spec.gate
     if gate is None:
         if model.gated:
@@ -164,9 +164,9 @@ class _Wiring:
         self.scope, self.item, self.model, self.gate, self.header = scope, item, model, gate, header
 
     def synapses(
-        self, source: tuple[End, Sequence[Term]] | None, targets: Sequence[End]
+        self, source: tuple[Endpoint, Sequence[Term]] | None, targets: Sequence[Endpoint]
     ) -> Iterator[Synapse]:
-        """The synapses; complains about units and signs once."""
+        """Yield the synapses; complains about units and signs once."""
         scope, item, model = self.scope, self.item, self.model
         weight = scope.value(item, ("weight",), item.spec.weight)
         parameters = written_parameters(scope, item, model, self._read)
@@ -180,7 +180,7 @@ class _Wiring:
             if not weight_fits(scope, item, model, Amount(weight.value_si, weight.unit), end, target):
                 return
             check_parameters(scope, item, model, parameters, weight.unit, end, target)
-        doubt_delay(scope, item, delay, end, targets, self.header)
+        warn_of_delay(scope, item, delay, end, targets, self.header)
         kind: SynapseKind = item.spec.kind or end.role or "sensorial"
         check_weight(scope, item, model, weight, kind, end)
         if len(terms) != 1 or terms[0].factor != 1.0:
@@ -189,10 +189,10 @@ class _Wiring:
         origin = item.origin
         for target in targets:
             for term in terms:
-                through = term.end.name != end.name or term.factor != 1.0
+                through = term.endpoint.name != end.name or term.factor != 1.0
                 scaled = weight.value_si * term.factor
                 yield Synapse(
-                    source=term.end.name,
+                    source=term.endpoint.name,
                     target=target.name,
                     weight=scaled,
                     kind="sensorial" if through else kind,
@@ -210,7 +210,7 @@ class _Wiring:
 
 
 def delay_s(scope: Scope, item: Item[Any]) -> float:
-    """The delay of an entry, [s]."""
+    """Return the delay of an entry, [s]."""
     if item.spec.delay is None:
         return 0.0
     delay = scope.value(item, ("delay",), item.spec.delay, _SECOND)
@@ -221,10 +221,15 @@ def delay_s(scope: Scope, item: Item[Any]) -> float:
     return delay.value_si
 
 
-def doubt_delay(
-    scope: Scope, item: Item[Any], delay_s: float, source: End, targets: Sequence[End], header: Header | None
+def warn_of_delay(
+    scope: Scope,
+    item: Item[Any],
+    delay_s: float,
+    source: Endpoint,
+    targets: Sequence[Endpoint],
+    header: Header | None,
 ) -> None:
-    """Doubt a delay that is changed by being rounded to whole steps."""
+    """Warn of a delay that is changed by being rounded to whole steps."""
     if not delay_s or header is None:
         return
     for target in targets:
@@ -236,9 +241,9 @@ def doubt_delay(
 
 
 def weight_fits(
-    scope: Scope, item: Item[Any], model: SynapseModel, weight: Amount, source: End, target: End
+    scope: Scope, item: Item[Any], model: SynapseModel, weight: Amount, source: Endpoint, target: Endpoint
 ) -> bool:
-    """Whether a weight has the dimension that its model gives it between two nodes; complains if not."""
+    """Check whether a weight has the dimension that its model gives it between two nodes."""
     if model.plain_source and any(source.unit.dimension):
         found = f"found {source.name} {in_unit(source.unit)}"
         message = f"{found}; allowed: sources without unit for the model {model.name}"
@@ -265,10 +270,10 @@ def check_parameters(
     model: SynapseModel,
     parameters: Mapping[str, Amount],
     weight: Unit,
-    source: End,
-    target: End,
+    source: Endpoint,
+    target: Endpoint,
 ) -> None:
-    """Complain about parameters of a synapse that do not fit its ends and its weight."""
+    """Complain about parameters of a synapse that do not fit its endpoints and its weight."""
     for parameter in model.parameters:
         if parameter.name not in parameters:
             continue
@@ -284,8 +289,10 @@ def check_parameters(
     check_order(scope, item, model, parameters)
 
 
-def check_reads(scope: Scope, item: Item[Any], model: SynapseModel, source: End, target: End) -> bool:
-    """Whether source and target have the states that the synapse's model reads; complains if not."""
+def check_reads(
+    scope: Scope, item: Item[Any], model: SynapseModel, source: Endpoint, target: Endpoint
+) -> bool:
+    """Check whether source and target have the states that the synapse's model reads; complains if not."""
     for name, rule in model.reads.items():
         side, _, state_name = name.partition("_")
         end, key = (source, "from") if side == "pre" else (target, "to")
@@ -313,7 +320,7 @@ def _symbol(dimension: Dimension) -> str:
 
 
 def check_weight(
-    scope: Scope, item: Item[Any], model: SynapseModel, weight: Quantity, kind: SynapseKind, source: End
+    scope: Scope, item: Item[Any], model: SynapseModel, weight: Quantity, kind: SynapseKind, source: Endpoint
 ) -> None:
     """Complain about the sign of a weight, and doubt a weight of zero."""
     if weight.value_si == 0:
@@ -330,7 +337,7 @@ def check_sign(
     found: str,
     extent: tuple[float, float],
     kind: SynapseKind,
-    source: End,
+    source: Endpoint,
 ) -> None:
     """Complain about weights, from the smallest to the largest one, of a sign that model or role forbids."""
     lowest, highest = extent
@@ -346,7 +353,7 @@ def check_sign(
         scope.errors.append(item.problem(("weight",), message))
 
 
-def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End) -> None:
+def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: Endpoint) -> None:
     """Complain about a weighted sum of nodes as the source of a model that takes one source as it is."""
     if not is_linear(model):
         message = (
@@ -359,7 +366,7 @@ def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End
 
 
 def is_linear(model: SynapseModel) -> bool:
-    """Whether a factor on the source may as well stand on the weight."""
+    """Check whether a factor on the source may as well stand on the weight."""
     if model.states or model.reads:
         return False
     current = model.current

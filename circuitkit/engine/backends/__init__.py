@@ -22,7 +22,7 @@ BACKEND_NAMES: tuple[str, ...] = tuple(
 
 @lru_cache
 def load_backend(name: str) -> KernelMaker:
-    """The kernel maker of a backend.
+    """Load the kernel maker of a backend.
 
     Raises:
         UnknownNameError: There is no backend of this name; the message lists those there are.

@@ -49,33 +49,33 @@ class Code:
         self.values: dict[int, str] = {1 + i: f"u{1 + i}" for i in range(n_inputs)}
 
     def bind(self, thing: object) -> str:
-        """A name for an object."""
+        """Bind a name for an object."""
         name = f"v{len(self.names)}"
         self.names[name] = thing
         return name
 
     def call(self, function: Callable[..., object], *arguments: object) -> None:
-        """A line that calls a function with these arguments."""
+        """Add a line that calls a function with these arguments."""
         names = ", ".join(self.bind(argument) for argument in arguments)
         self.lines.append(f"{self.bind(function)}({names})")
 
     def keep(self, name: str, text: str) -> str:
-        """A line that gives a number a name that outlives the step."""
+        """Return a line that gives a number a name that outlives the step."""
         self.lines.append(f"{name} = {text}")
         self.names.setdefault(name, 0.0)
         self.written.add(name)
         return name
 
     def value(self, place: int) -> str:
-        """Text for the number at a place: its name, if it has one already, or a look into the array."""
+        """Give text for the number at a place: its name, if it has one already, or a look into the array."""
         return self.values.get(place, f"m[{place}]")
 
     def reads(self) -> list[str]:
-        """Lines that give the inputs their names."""
+        """Return lines that give the inputs their names."""
         return [f"u{1 + i} = m[{1 + i}]" for i in range(self.n_inputs)]
 
     def takes(self) -> list[str]:
-        """Lines for inputs that are handed over or, if there are none, stand in their place already.
+        """Return lines for inputs that are handed over or, if there are none, stand in their place already.
 
         A few are taken one by one; what does not fit, `take` refuses.
         """
@@ -92,7 +92,7 @@ class Code:
     def function(
         self, head: str, start: Sequence[str], refusal: str, ending: Sequence[str]
     ) -> Callable[..., Any]:
-        """A function; several share their globals.
+        """Return a function; several share their globals.
 
         Args:
             head: Its name and arguments.
@@ -112,7 +112,7 @@ class Code:
 
 
 def quicker_one_by_one(stages: Sequence[Stage], layout: Layout) -> bool:
-    """Whether a step takes less time without arrays."""
+    """Check whether a step takes less time without arrays."""
     elements = [element for stage in layout.elements for element in stage]
     terms = sum(
         len(stage.terms[element.row])
@@ -123,7 +123,7 @@ def quicker_one_by_one(stages: Sequence[Stage], layout: Layout) -> bool:
 
 
 def one_by_one(code: Code, stage: Stage, layout: Layout, number: int) -> None:
-    """Lines for the cells of a stage, each number with a name of its own: `x` arguments, `o` results."""
+    """Add the lines of a stage's cells, each number with a name of its own: `x` arguments, `o` results."""
     for source, target in stage.copies:
         place = layout.place[target]
         code.values[place] = code.keep(f"o{place}", code.value(layout.place[source]))
@@ -146,7 +146,7 @@ def _argument(code: Code, element: Element, stage: Stage, layout: Layout) -> str
 
 
 def read_out(code: Code, operations: Sequence[Operation], layout: Layout) -> bool:
-    """Lines for the outputs of the circuit, one number after the other; False if there are too many terms."""
+    """Add lines for the outputs of the circuit, one by one; False if there are too many terms."""
     rows = [moved(operation, layout) for operation in operations]
     if sum(len(each.sources) if isinstance(each, Sum) else each.count for each in rows) > _FEW:
         return False
@@ -165,7 +165,7 @@ def read_out(code: Code, operations: Sequence[Operation], layout: Layout) -> boo
 
 
 def _has_limits(operations: Sequence[Operation]) -> bool:
-    """Whether all outputs are kept between finite limits."""
+    """Check whether all outputs are kept between finite limits."""
     maps = [each for each in operations if isinstance(each, Map)]
     limits = [each.constants.get(name) for each in maps for name in ("low", "high")]
     return len(maps) == 1 and all(limit is not None and np.isfinite(limit).all() for limit in limits)
@@ -196,7 +196,7 @@ def _print_map(code: Code, operation: Map, found: dict[int, str]) -> None:
 
 
 def _printed(code: Code, expression: Expression, names: dict[str, str]) -> str:
-    """A readout's expression; limits keep what is not a number."""
+    """Return a readout's expression; limits keep what is not a number."""
     match expression:
         case Number(value=value):
             return repr(value)

@@ -70,7 +70,7 @@ class Stage:
 
 
 def dense_stages(program: Program) -> list[Stage] | None:
-    """The stages of a program; None if it is not of this kind, or too large to be dense."""
+    """Return the stages of a program; None if it is not of this kind, or too large to be dense."""
     has_more = program.substep or len(program.state_rows) or program.memories or program.members
     n = len(program.activation_rows)
     if has_more or n * (n + len(program.input_names)) > LARGEST:
@@ -90,7 +90,7 @@ def dense_stages(program: Program) -> list[Stage] | None:
 
 
 def _waiting(operations: Sequence[Operation]) -> int:
-    """How many rows behind the activations their new values wait until all else is done; 0 if they do not."""
+    """Find how many rows behind the activations their new values wait for the rest; 0 if they do not."""
     match operations:
         case [*_, Map(results=((target, Name(name)),), rows=rows)] if len(operations) > 1 and name in rows:
             return rows[name] - target
@@ -284,7 +284,7 @@ def _written(operations: Sequence[Operation]) -> set[int]:
 
 
 def moved(operation: Operation, layout: Layout) -> Sum | Map:
-    """An operation on the outputs, for the places in which its rows stand; ranges of rows stay ranges."""
+    """Move an operation on the outputs to the places of its rows; ranges of rows stay ranges."""
     if isinstance(operation, Sum):
         rows = (operation.sources + operation.base).tolist()
         start = layout.place[operation.start]
@@ -323,7 +323,7 @@ class Readout:
 
 
 def make_readout(operations: Sequence[Operation], layout: Layout) -> Readout | None:
-    """The outputs of the circuit as one product; None if they are something else."""
+    """Make the outputs of the circuit as one product; None if they are something else."""
     rows = np.zeros((layout.count, layout.count))
     limits = np.tile([-np.inf, np.inf], (layout.count, 1))
     for operation in operations:

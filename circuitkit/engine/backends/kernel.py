@@ -55,4 +55,4 @@ class KernelMaker(Protocol):
     """Makes kernels; what a backend module must have under the name `make_kernel`."""
 
     def __call__(self, program: Program, batch: int) -> Kernel:
-        """A kernel, whose state is yet to be loaded, for B = `batch` copies."""
+        """Return a kernel, whose state is yet to be loaded, for B = `batch` copies."""

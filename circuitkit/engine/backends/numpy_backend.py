@@ -23,7 +23,7 @@ from circuitkit.engine.state import FloatArray, State
 
 
 def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:
-    """A kernel for B = `batch` copies of the circuit."""
+    """Make a kernel for B = `batch` copies of the circuit."""
     dense = None if program.reproducible else make_dense_kernel(program, batch)
     return NumpyKernel(program, batch) if dense is None else dense
 
@@ -112,14 +112,14 @@ class NumpyKernel:
 
 
 def _chosen(rows: IndexArray) -> slice | npt.NDArray[np.intp]:
-    """What picks rows of the table: a slice if they are neighbours, which copies nothing."""
+    """Find what picks rows of the table: a slice if they are neighbours, which copies nothing."""
     if len(rows) and (np.diff(rows) == 1).all():
         return slice(int(rows[0]), int(rows[-1]) + 1)
     return rows.astype(np.intp)
 
 
 def _lasting(program: Program) -> int:
-    """How many rows, from the first, must be finite after a step."""
+    """Find how many rows, from the first, must be finite after a step."""
     rows = (program.activation_rows, program.output_rows, program.state_rows)
     last = max((int(each.max()) for each in rows if len(each)), default=0)
     return max(last + 1, program.readout_rows[1], 1 + len(program.input_names))

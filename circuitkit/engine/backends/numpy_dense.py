@@ -34,7 +34,7 @@ _SINGLE = 8  # members from which numpy's vectorised exp is faster than scipy's 
 
 
 def make_dense_kernel(program: Program, batch: int) -> DenseKernel | None:
-    """A kernel for a program that is a few matrix products; None for any other."""
+    """Make a kernel for a program that is a few matrix products; None for any other."""
     stages = dense_stages(program)
     return None if stages is None else DenseKernel(program, batch, stages)
 
@@ -92,7 +92,7 @@ class DenseKernel:
     # --- one circuit --------------------------------------------------------------------------------------
 
     def bind_step(self, take: Take, fail: Fail) -> Callable[..., FloatArray] | None:
-        """The step of one circuit as one function, to spare calls; None for a batch.
+        """Bind the step of one circuit as one function, to spare calls; None for a batch.
 
         Args:
             take: Puts inputs in their place.
@@ -110,12 +110,12 @@ class DenseKernel:
         return f"({' and '.join(checks)}) or is_finite()" if checks else "True"
 
     def _loud(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, without numpy's warnings if it can give any."""
+        """Return the function, without numpy's warnings if it can give any."""
         called = {function for parts in self._layout.parts for function, _, _ in parts}
         return function if called <= {"sigmoid"} or self._by_number else _silently(function)
 
     def _straight(self) -> Code:
-        """The step as straight code."""
+        """Return the step as straight code."""
         numbers = self._blocks[0].numbers.reshape(-1)
         code = Code(numbers.data, len(self._program.input_names))
         code.names |= {"time": 0, "is_finite": self._is_finite}
@@ -203,7 +203,7 @@ class DenseKernel:
     # --- a batch ------------------------------------------------------------------------------------------
 
     def _blocked(self) -> Callable[[], bool]:
-        """The step of a batch, block after block."""
+        """Return the step of a batch, block after block."""
         calls: list[Callable[[], object]] = []
         checked: list[FloatArray] = [self._inputs, self._readout]
         for block in self._blocks:
@@ -327,7 +327,7 @@ class DenseKernel:
 def _function_call(
     function: str, x: FloatArray, result: FloatArray
 ) -> tuple[Callable[..., object], tuple[FloatArray, ...]]:
-    """A call that does a function, and its arguments."""
+    """Return a call that does a function, and its arguments."""
     match function:
         case "sigmoid":
             return expit, (x, result)
@@ -343,7 +343,7 @@ def _function_call(
 def _function_calls(
     function: str, x: FloatArray, result: FloatArray, *, mirrored: bool
 ) -> list[Callable[[], object]]:
-    """Calls that do a function for a batch; 1 / (1 + exp(x)) by numpy's vectorised exp if x is mirrored."""
+    """Yield calls of a function for a batch; if x is mirrored, 1 / (1 + exp(x)) by numpy's exp."""
     if function == "sigmoid" and mirrored:
         one = np.ones((), dtype=x.dtype)
         return [
@@ -356,12 +356,12 @@ def _function_calls(
 
 
 def _is_finite(values: FloatArray) -> bool:
-    """Whether all are; a sum that is not finite may come from large numbers, so then one looks closer."""
+    """Check whether all are finite; a sum that is not may come from large numbers: look closer then."""
     return math.isfinite(np.add.reduce(values, None)) or bool(np.isfinite(values).all())
 
 
 def _silently(function: Callable[[], bool]) -> Callable[[], bool]:
-    """The function without floating-point warnings; `np.errstate` would cost as much as five operations."""
+    """Silence a function's warnings once; `np.errstate` would cost as much as five operations."""
     silent = contextvars.copy_context()
     silent.run(np.seterr, all="ignore")
     return partial(silent.run, function)

@@ -81,7 +81,7 @@ def bind_expression(
     variables: Mapping[str, FloatArray],
     target: FloatArray,
 ) -> list[Operation]:
-    """Operations that write the value of an expression into `target`, without allocating anything.
+    """Bind operations that write the value of an expression into `target`, without allocating anything.
 
     Args:
         expression: The tree.
@@ -150,7 +150,7 @@ class _Binder:
         self.operations.append(partial(np.copyto, target, chosen, where=holds))
 
     def _condition(self, expression: Expression, like: FloatArray) -> npt.NDArray[np.bool_]:
-        """Where a condition holds."""
+        """Find where a condition holds."""
         holds = np.zeros(like.shape, dtype=np.bool_)
         match expression:
             case Binary(operator=joint, left=left, right=right) if joint in COMPARISONS:
@@ -175,7 +175,7 @@ class _Binder:
             self.operations.append(partial(ufunc, *operands, *more, target))
 
     def _operand(self, expression: Expression, like: FloatArray) -> FloatArray:
-        """The array in which the value of an operand stands; a new one unless it exists already."""
+        """Return the array in which the value of an operand stands; a new one unless it exists already."""
         if not self._changes(expression):
             with np.errstate(all="ignore"):
                 value = np.asarray(expression.evaluate(self._constants, NUMPY_FUNCTIONS), dtype=like.dtype)
@@ -193,7 +193,7 @@ class _Binder:
 
 
 def _negative(expression: Expression) -> Expression:
-    """The negative of an expression, by an operation that it has already if that changes no bit."""
+    """Return the negative of an expression, by an operation that it has already if that changes no bit."""
     match expression:
         case Unary(operator="-", operand=operand):
             return operand

@@ -27,7 +27,7 @@ class Clock:
     substep: int = 0
 
     def count_substep(self) -> None:
-        """One more substep."""
+        """Count one more substep."""
         self.substep += 1
 
 
@@ -44,7 +44,7 @@ class Ring:
     in_substeps: bool
 
     def order(self, clock: Clock) -> npt.NDArray[np.intp]:
-        """Places of the values, the newest first, shape (depth,)."""
+        """Return places of the values, the newest first, shape (depth,)."""
         depth = len(self.values)
         time = clock.substep if self.in_substeps else clock.step
         return (time - 1 - np.arange(depth)) % depth
@@ -68,7 +68,7 @@ class Workspace:
 
 
 def bind_operation(operation: Operation, work: Workspace, *, in_substeps: bool) -> Iterator[Call]:
-    """The calls that do an operation."""
+    """Bind the calls that do an operation."""
     match operation:
         case Sum():
             yield from bind_sum(operation, work.table)
@@ -86,7 +86,7 @@ def _bind_noise(operation: Noise, work: Workspace, *, in_substeps: bool) -> Call
     rows = work.table[operation.start : operation.stop]
     normals = NormalNumbers(operation.streams, rows.shape[1])
     work.normals.append(normals)
-    scale = np.array(np.broadcast_to(_spread(operation.scale, *rows.shape), rows.shape), order="C")
+    scale = np.array(np.broadcast_to(_as_rows(operation.scale, *rows.shape), rows.shape), order="C")
     scaled, clock = np.empty_like(rows), work.clock
 
     def add_noise() -> None:
@@ -131,7 +131,7 @@ def _bind_map(operation: Map, table: FloatArray) -> Iterator[Call]:
         picked = np.empty((count, batch), dtype=table.dtype)
         variables[name] = picked
         yield partial(table.take, pick.astype(np.intp), 0, picked, "clip")
-    constants = {name: _spread(value, count, batch) for name, value in operation.constants.items()}
+    constants = {name: _as_rows(value, count, batch) for name, value in operation.constants.items()}
     written = [table[row : row + count] for row, _ in operation.results]
     # With one result numpy itself may read and write the same rows; more need a place to wait.
     places = written if len(written) == 1 else [np.empty_like(rows) for rows in written]
@@ -142,8 +142,8 @@ def _bind_map(operation: Map, table: FloatArray) -> Iterator[Call]:
             yield partial(np.copyto, rows, place)
 
 
-def _spread(values: FloatArray, count: int, batch: int) -> FloatArray:
-    """Constants of shape (), (count,) or (count, B) as (1, 1), (count, 1) or (count, B)."""
+def _as_rows(values: FloatArray, count: int, batch: int) -> FloatArray:
+    """Return constants of shape (), (count,) or (count, B) as (1, 1), (count, 1) or (count, B)."""
     if values.ndim == 1:
         return values[:, np.newaxis]
     return values if values.ndim else np.broadcast_to(values, (min(count, 1), min(batch, 1)))

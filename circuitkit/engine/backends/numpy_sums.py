@@ -24,7 +24,7 @@ _LARGE_BATCH = 256  # members from which rows are added without gathering them b
 
 
 def bind_sum(operation: Sum, table: FloatArray) -> Iterator[Call]:
-    """The calls that do a sum on a table of shape (n_rows, B)."""
+    """Bind the calls that do a sum on a table of shape (n_rows, B)."""
     if len(operation.sources) >= _SPARSE and operation.weights.ndim <= 1:
         yield from _bind_sparse(operation, table)
         return
@@ -52,7 +52,7 @@ def _bind_sparse(operation: Sum, table: FloatArray) -> Iterator[Call]:
 
 
 def _alike(indptr: npt.NDArray[np.int64]) -> Iterator[tuple[int, int]]:
-    """Ranges of neighbouring sums that are filled up to one length without much waste."""
+    """Yield ranges of neighbouring sums that are filled up to one length without much waste."""
     lengths = np.diff(indptr).tolist()
     begin = longest = total = 0
     for end, length in enumerate(lengths):
@@ -90,16 +90,16 @@ def _bind_rectangle(operation: Sum, start: int, stop: int, table: FloatArray) ->
                 yield partial(np.add, total[column], np.zeros(1, dtype=table.dtype), total[column])
         return
     taken = np.empty((longest, count, batch), dtype=table.dtype)
-    spread = np.ascontiguousarray(np.broadcast_to(weights, taken.shape))
+    factors = np.ascontiguousarray(np.broadcast_to(weights, taken.shape))
     yield partial(table.take, rows, 0, taken, "clip")
-    yield partial(np.multiply, taken, spread, taken)
+    yield partial(np.multiply, taken, factors, taken)
     yield from _add_in_order([*([total] if operation.add else []), *taken], total)
 
 
 def _bind_row(
     terms: Sequence[tuple[FloatArray, FloatArray]], total: FloatArray, *, add: bool
 ) -> Iterator[Call]:
-    """The additions of one column of a rectangle; weights of 1 and -1 need no product for the same bits."""
+    """Yield the additions of a column; weights of 1 and -1 need no product for the same bits."""
     product = np.empty_like(total)
     if not terms and not add:
         yield partial(total.fill, 0.0)

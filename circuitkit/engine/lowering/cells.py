@@ -51,7 +51,7 @@ class Block:
         return self.group.momentary + self.offset
 
     def state(self, name: str) -> int:
-        """First row of a state."""
+        """Return first row of a state."""
         return self.group.states[name] + self.offset
 
 
@@ -78,19 +78,19 @@ class Group:
     states: dict[str, int] = field(default_factory=dict)
 
     def values(self, pick: Callable[[Neuron | Population], PerMember]) -> FloatArray:
-        """A value of every neuron, shape (count,), or shape () if it is the same for all."""
+        """Return a value of every neuron, shape (count,), or shape () if it is the same for all."""
         return _joined([(pick(block.node), block.size) for block in self.blocks])
 
     def parameters(self) -> dict[str, FloatArray]:
-        """The values of all parameters of the model, [SI]."""
+        """Return the values of all parameters of the model, [SI]."""
         return {name: self.values(partial(_parameter, name)) for name in self.model.parameter_names}
 
     def initial(self, state: str) -> FloatArray:
-        """The start of a state, [SI]."""
+        """Return the start of a state, [SI]."""
         return self.values(partial(_initial, state))
 
     def namings(self) -> list[tuple[int, int, Naming]]:
-        """Which neurons, from the first on, are called what: offset, number, names."""
+        """Find which neurons, from the first on, are called what: offset, number, names."""
         singles = tuple(block.node.name for block in self.blocks if isinstance(block.node, Neuron))
         populations = [block for block in self.blocks if isinstance(block.node, Population)]
         return [
@@ -99,7 +99,7 @@ class Group:
         ]
 
     def columns(self) -> npt.NDArray[np.int64]:
-        """Index in file order of every neuron, shape (count,)."""
+        """Return index in file order of every neuron, shape (count,)."""
         return np.concatenate([np.arange(block.column, block.column + block.size) for block in self.blocks])
 
     @property
@@ -109,7 +109,7 @@ class Group:
 
 
 def make_blocks(graph: CircuitGraph) -> dict[str, Block]:
-    """Neurons and populations by name, in file order."""
+    """Make neurons and populations by name, in file order."""
     blocks = {neuron.name: Block(neuron, 1, column) for column, neuron in enumerate(graph.neurons)}
     column = len(blocks)
     for population in graph.populations:
@@ -119,7 +119,7 @@ def make_blocks(graph: CircuitGraph) -> dict[str, Block]:
 
 
 def make_stages(blocks: Mapping[str, Block], order: Order) -> list[list[Group]]:
-    """The groups of every stage of the discrete neurons, and behind them those of the continuous ones.
+    """Make the groups of every stage of the discrete neurons, and behind them those of the continuous ones.
 
     Among the latter those whose method needs the sums more than once are neighbours.
     """
@@ -173,7 +173,7 @@ def _initial(name: str, node: Neuron | Population) -> PerMember:
 
 
 def _joined(parts: Sequence[tuple[PerMember, int]]) -> FloatArray:
-    """Values one after the other, shape (sum of sizes,), or shape () if they are all the same number."""
+    """Give values one after the other, shape (sum of sizes,), or shape () if they are all the same number."""
     numbers = {value if isinstance(value, float | int) else None for value, _ in parts}
     if len(numbers) == 1 and None not in numbers:
         return np.array(numbers.pop(), dtype=np.float64)

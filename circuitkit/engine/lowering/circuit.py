@@ -96,7 +96,7 @@ def _plan(graph: CircuitGraph) -> Plan:
 
 
 def _edges(graph: CircuitGraph, discrete: set[str]) -> Iterator[tuple[str, str]]:
-    """Pairs of discrete nodes of which one sees the other without a delay."""
+    """Yield pairs of discrete nodes of which one sees the other without a delay."""
     synapses: Iterable[Synapse | Projection] = (*graph.synapses, *graph.projections)
     for synapse in synapses:
         target = _node(synapse.target, discrete)
@@ -129,7 +129,7 @@ def _bundles(plan: Plan, sources: Sources) -> Iterator[Bundle]:
 
 
 def _terms(plan: Plan, sources: Sources, bundles: Sequence[Bundle]) -> Iterator[Term]:
-    """The terms of single synapses: from neurons and from inputs in file order, then from bundles."""
+    """Yield the terms of single synapses: from neurons and from inputs in file order, then from bundles."""
     n = sum(block.size for block in plan.blocks.values())
     ranks = {name: n + i for i, name in enumerate(plan.inputs)}
     for synapse in plan.graph.synapses:
@@ -150,7 +150,7 @@ def _terms(plan: Plan, sources: Sources, bundles: Sequence[Bundle]) -> Iterator[
 
 
 def _matrices(plan: Plan, sources: Sources, bundles: Sequence[Bundle]) -> Iterator[Matrix]:
-    """What projections deliver, in file order."""
+    """Find what projections deliver, in file order."""
     by_projection = {
         id(bundle.projection): bundle for bundle in bundles if isinstance(bundle, ProjectedSynapses)
     }
@@ -166,7 +166,7 @@ def _matrices(plan: Plan, sources: Sources, bundles: Sequence[Bundle]) -> Iterat
 
 
 def _before(plan: Plan, bundles: Sequence[Bundle], arrivals: Arrivals) -> Iterator[Operation]:
-    """Discrete neurons, stage after stage; counts of spikes begin anew once these have seen them."""
+    """Yield discrete neurons, stage after stage; counts of spikes begin anew once these have seen them."""
     for groups in plan.stages:
         for bundle in bundles:
             if not bundle.runs_in_substeps and any(bundle.target.group is group for group in groups):
@@ -196,7 +196,7 @@ def _substep(plan: Plan, bundles: Sequence[Bundle], arrivals: Arrivals) -> Itera
 
 
 def _neuron_rows(groups: Sequence[Group]) -> tuple[IndexArray, IndexArray]:
-    """Rows of activations and of outputs, in file order of the neurons."""
+    """Return rows of activations and of outputs, in file order of the neurons."""
     n = sum(group.count for group in groups)
     activation, output = np.empty(n, np.int32), np.empty(n, np.int32)
     for group in groups:

@@ -21,7 +21,7 @@ class _Delay(NamedTuple):
 
 
 def delay_steps(delay_s: float, step_s: float) -> int:
-    """The nearest number of whole steps."""
+    """Return the nearest number of whole steps."""
     return round(delay_s / step_s)
 
 
@@ -48,14 +48,14 @@ def require_delays(graph: CircuitGraph) -> None:
 
 
 def _delays(graph: CircuitGraph, sizes: Mapping[str, int]) -> Iterator[_Delay]:
-    """Those of at least one step; of a substep where both ends are continuous."""
+    """Yield those of at least one step; of a substep where both endpoints are continuous."""
     nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     continuous = {node.name for node in nodes if node.model.continuous}
     synapses: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for synapse in synapses:
         if synapse.delay_s:
-            ends = (_node(name, sizes) for name in (synapse.source, synapse.target))
-            in_substeps = continuous.issuperset(ends)
+            endpoints = (_node(name, sizes) for name in (synapse.source, synapse.target))
+            in_substeps = continuous.issuperset(endpoints)
             steps = delay_steps(synapse.delay_s, graph.step_s / (graph.substeps if in_substeps else 1))
             if steps:
                 yield _Delay(synapse, in_substeps, steps)
@@ -66,7 +66,7 @@ def _node(name: str, nodes: Mapping[str, int]) -> str:
 
 
 def _needed(delays: Sequence[_Delay], sizes: Mapping[str, int]) -> float:
-    """Bytes: single sources share a memory as deep as the longest delay, each population has its own."""
+    """Give bytes: single sources share a memory as deep as the longest delay, each population has its own."""
     depths: dict[tuple[bool, str], int] = defaultdict(int)
     sources: dict[tuple[bool, str], set[str]] = defaultdict(set)
     for synapse, in_substeps, steps in delays:

@@ -19,7 +19,7 @@ def make_map(
     constants: Mapping[str, FloatArray] | None = None,
     picks: Mapping[str, IndexArray] | None = None,
 ) -> Map:
-    """The operation that evaluates expressions side by side; see `Map` for the arguments."""
+    """Make the operation that evaluates expressions side by side; see `Map` for the arguments."""
     folding = _Folding(constants or {})
     folded = tuple((row, folding.fold(expression)) for row, expression in results)
     used = frozenset[str]().union(*(expression.names() for _, expression in folded))
@@ -33,7 +33,7 @@ def make_map(
 
 
 def copy_rows(count: int, source: int, target: int) -> Map:
-    """The operation that copies rows."""
+    """Return the operation that copies rows."""
     return Map(count, ((target, Name("x")),), {"x": source})
 
 
@@ -57,7 +57,7 @@ class _Folding:
         return expression
 
     def _chosen(self, parts: Sequence[Expression], join: Callable[..., Expression]) -> Expression:
-        """A function of a choice between constants is a choice between its values.
+        """Return a function of a choice between constants is a choice between its values.
 
         So the factor of an exponential step is computed once, also for a neuron that has another one while
         it is refractory.

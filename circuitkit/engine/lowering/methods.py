@@ -57,7 +57,7 @@ class System:
     dt: float
 
     def map(self, results: list[tuple[int, Expression]], states: Mapping[str, int] | None = None) -> Map:
-        """The operation that gives rows the values of expressions in terms of the equations' names."""
+        """Return the operation that gives rows the values of expressions in terms of the equations' names."""
         rows = {**self.rows, **(self.states if states is None else states)}
         constants = {**self.constants, _DT: np.array(self.dt)}
         return make_map(self.count, results, rows, constants, self.picks)
@@ -88,7 +88,7 @@ def _alone(system: System, method: Method) -> tuple[list[tuple[int, Expression]]
 
 
 def _exact(system: System) -> tuple[list[tuple[int, Expression]], Mapping[str, FloatArray]]:
-    """New states x + Q f with Q the upper right part of exp(dt [[J, 1], [0, 0]])."""
+    """Return new states x + Q f with Q the upper right part of exp(dt [[J, 1], [0, 0]])."""
     names = tuple(system.derivatives)
     jacobian = [[derivative(system.derivatives[i], j) for j in names] for i in names]
     if not all(entry.names() <= system.constants.keys() for row in jacobian for entry in row):
@@ -147,13 +147,13 @@ class RungeKutta:
         return {**self.system.states, **self.trials}
 
     def slope(self, stage: int, rows: Mapping[str, int]) -> Map:
-        """The slopes of a stage, from 0; `rows` take the place of the system's own."""
+        """Return the slopes of a stage, from 0; `rows` take the place of the system's own."""
         states = self.system.states if stage == 0 else self.states
         results = [(self._slopes[stage][name], slope) for name, slope in self.system.derivatives.items()]
         return replace(self.system, rows={**self.system.rows, **rows}).map(results, states)
 
     def trial(self, stage: int) -> Iterator[Map]:
-        """The states for the next stage, if there is one."""
+        """Yield the states for the next stage, if there is one."""
         if stage == STAGES - 1:
             return
         time = Binary("*", Number(_FRACTIONS[stage]), Name(_DT))
@@ -164,7 +164,7 @@ class RungeKutta:
         yield replace(self.system, rows=slopes, picks={}).map(results)
 
     def result(self) -> Map:
-        """The new states: x + dt / 6 (k1 + 2 k2 + 2 k3 + k4)."""
+        """Return the new states: x + dt / 6 (k1 + 2 k2 + 2 k3 + k4)."""
         rows = {
             f"{_slope(name)}{stage}": row
             for stage, slopes in enumerate(self._slopes)

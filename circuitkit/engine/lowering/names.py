@@ -16,7 +16,7 @@ class Naming(Protocol):
     """Says what number i of some neurons or synapses is called."""
 
     def __call__(self, i: int, /) -> str:
-        """The name."""
+        """Return the name."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Listed:
     names: tuple[str, ...]
 
     def __call__(self, i: int, /) -> str:
-        """The name."""
+        """Return the name."""
         return self.names[i]
 
 
@@ -37,7 +37,7 @@ class Members:
     name: str
 
     def __call__(self, i: int, /) -> str:
-        """The name."""
+        """Return the name."""
         return f"{self.name}[{i}]"
 
 
@@ -51,7 +51,7 @@ class Connections:
     sources: IndexArray
 
     def __call__(self, i: int, /) -> str:
-        """The name."""
+        """Return the name."""
         target = int(np.searchsorted(self.indptr, i, side="right")) - 1
         return f"{self.source}[{self.sources[i]}] -> {self.target}[{target}]"
 
@@ -72,7 +72,7 @@ class StateNames(Sequence[str]):
             self._stops.append(len(self) + count)
 
     def rows(self) -> IndexArray:
-        """All rows that have been added, shape (n_states,)."""
+        """Return all rows that have been added, shape (n_states,)."""
         return np.concatenate([np.empty(0, np.int32), *self._rows])
 
     def __len__(self) -> int:

@@ -41,7 +41,7 @@ def noise(plan: Plan, group: Group, start: int) -> Iterator[Noise]:
 
 
 def discrete_step(plan: Plan, group: Group) -> Iterator[Operation]:
-    """New states by `updates`, all from the old ones, then spikes and outputs."""
+    """Yield new states by `updates`, all from the old ones, then spikes and outputs."""
     if group.model.updates:
         results = [(group.states[name], new) for name, new in group.model.updates.items()]
         yield make_map(group.count, results, _rows(group), group.parameters())
@@ -84,7 +84,7 @@ def begin_count(group: Group) -> Operation:
 
 
 def _runge_kutta(plan: Plan, groups: Sequence[Group], arrivals: Arrivals) -> Iterator[Operation]:
-    """All groups by rk4 together: at every stage the sums are made again from the outputs as tried."""
+    """Yield all groups by rk4 together: at every stage the sums are made again from the outputs as tried."""
     if not groups:
         return
     shift = plan.table.take(sum(group.count for group in groups)) - groups[0].activation
@@ -113,7 +113,7 @@ def _tried_outputs(group: Group, row: int, states: Mapping[str, int]) -> Operati
 
 
 def _drawn_noise(plan: Plan, group: Group) -> tuple[list[Operation], int]:
-    """What draws the noise of a substep once, for all stages, and its rows; 0 for no noise."""
+    """Find what draws the noise of a substep once, for all stages, and its rows; 0 for no noise."""
     row = plan.table.take(group.count)
     drawn = list(noise(plan, group, row))
     if not drawn:

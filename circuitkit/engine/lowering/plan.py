@@ -40,7 +40,7 @@ class Plan:
         return self.graph.step_s / self.graph.substeps
 
     def find(self, name: str) -> tuple[Block, int]:
-        """The block of a neuron or of a member such as `ring[3]`, and its place in it."""
+        """Find the block of a neuron or of a member such as `ring[3]`, and its place in it."""
         block = self.blocks.get(name)
         if block is not None:
             return block, 0

@@ -34,7 +34,7 @@ def read_out(plan: Plan, start: int) -> Iterator[Operation]:
 
 
 def _kind(node: OutputNode) -> tuple[bool, bool]:
-    """Whether it integrates, and whether it has limits."""
+    """Check whether it integrates, and whether it has limits."""
     return node.leak is not None, bool(np.isfinite(node.low) or np.isfinite(node.high))
 
 

@@ -28,7 +28,7 @@ class _Memory:
     depth: int = 0
 
     def slot(self, row: int, count: int) -> int:
-        """First of the slots of these rows."""
+        """Return first of the slots of these rows."""
         if row not in self.slots:
             self.slots[row] = len(self.sources)
             self.sources.extend(range(row, row + count))
@@ -55,7 +55,7 @@ class Sources:
         self._recalled: dict[tuple[Part, int, int, int], int] = {}
 
     def row(self, name: str, target: Block, delay_s: float = 0.0) -> int:
-        """Row of what a block sees of an input, neuron or member; of the first member for a population.
+        """Give row of what a block sees of an input, neuron or member; of the first member for a population.
 
         Without a delay: of an input, this step's; of a discrete neuron, what the timing says, or this step's
         if the target is continuous; of a continuous neuron, that at the end of the last step or substep. With
@@ -82,7 +82,7 @@ class Sources:
         return row
 
     def newest(self, name: str, delay_s: float = 0.0) -> int:
-        """Row of an output at the end of a control step, or of what it was there so long ago."""
+        """Return row of an output at the end of a control step, or of what it was there so long ago."""
         plan = self._plan
         steps = delay_steps(delay_s, plan.graph.step_s)
         if name in plan.inputs:
@@ -93,13 +93,13 @@ class Sources:
         return self._past("after", row, count, steps) if steps > 0 else row
 
     def held(self, row: int, count: int) -> int:
-        """First of the rows that keep what these rows were at the beginning of the control step."""
+        """Return first of the rows that keep what these rows were at the beginning of the control step."""
         if row not in self._held:
             self._held[row] = (self._plan.table.take(count), count)
         return self._held[row][0]
 
     def _past(self, part: Part, row: int, count: int, steps: int) -> int:
-        """First of the rows that get what these rows were when they were remembered so many times ago."""
+        """Find the first of the rows that get what these rows were so many times ago."""
         if (part, row, count, steps) not in self._recalled:
             rate: Part = "substep" if part == "substep" else "after"
             key = (rate, row if count > 1 else 0)
@@ -111,12 +111,12 @@ class Sources:
         return self._recalled[part, row, count, steps]
 
     def copies(self) -> Iterator[Operation]:
-        """What fills the rows that `held` has given."""
+        """Find what fills the rows that `held` has given."""
         for row, (target, count) in self._held.items():
             yield copy_rows(count, row, target)
 
     def recalls(self, part: Part) -> Iterator[Operation]:
-        """What fills the rows of delayed values that are read in a part of the control step."""
+        """Find what fills the rows of delayed values that are read in a part of the control step."""
         runs: list[list[_Request]] = []
         for request in self._requests[part]:
             last = runs[-1][-1] if runs else None
@@ -137,7 +137,7 @@ class Sources:
             )
 
     def remembers(self, part: Part) -> Iterator[Operation]:
-        """What keeps the values for later, at the end of the substep or of the control step."""
+        """Find what keeps the values for later, at the end of the substep or of the control step."""
         for memory in self._memories.values():
             if memory.part == part:
                 yield Remember(memory.number, np.array(memory.sources, dtype=np.int32), memory.depth)

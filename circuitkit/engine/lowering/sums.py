@@ -66,7 +66,7 @@ class Arrivals:
     def sums(
         self, groups: Sequence[Group], shift: int = 0, moved: Moved = lambda rows: rows
     ) -> Iterator[Sum]:
-        """The operations that give the activations of groups their values.
+        """Yield the operations that give the activations of groups their values.
 
         Args:
             groups: Which; neighbours in rows.
@@ -88,12 +88,12 @@ class Arrivals:
 
 
 def matrix_sum(matrix: Matrix, start: int) -> Sum:
-    """The operation that multiplies by a matrix and writes from a row on."""
+    """Return the operation that multiplies by a matrix and writes from a row on."""
     return _frozen_sum(start, matrix.indptr, matrix.sources, matrix.weights, base=matrix.base)
 
 
 def list_sum(start: int, lengths: Sequence[int], sources: npt.ArrayLike, weights: npt.ArrayLike) -> Sum:
-    """The sums of so many terms each."""
+    """Return the sums of so many terms each."""
     indptr = np.concatenate([[0], np.cumsum(lengths)])
     rows, values = np.asarray(sources, dtype=np.int32), np.asarray(weights, dtype=np.float64)
     return _frozen_sum(start, indptr, rows, values)
@@ -115,7 +115,7 @@ def _frozen_sum(
 
 
 def _ranges(groups: Sequence[Group]) -> Iterator[tuple[int, int]]:
-    """Neighbouring rows (start, stop) that are summed together: of single neurons, or of a population."""
+    """Yield rows (start, stop) that are summed together: of single neurons, or of a population."""
     start = stop = -1
     for group in groups:
         for block in group.blocks:

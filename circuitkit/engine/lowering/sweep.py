@@ -16,7 +16,7 @@ _T = TypeVar("_T")
 
 
 def side_by_side(circuits: Sequence[Lowered]) -> Lowered:
-    """One circuit whose numbers have the batch as their last axis, wherever they differ.
+    """Return one circuit whose numbers have the batch as their last axis, wherever they differ.
 
     Raises:
         InputError: The circuits differ in more than numbers.
@@ -63,7 +63,7 @@ def _with_numbers(
     numbers: dict[str, tuple[Callable[[Any], npt.NDArray[np.float64]], int]],
     others: tuple[str, ...] = (),
 ) -> _T:
-    """An operation with some fields put side by side; all the rest must be the same."""
+    """Return an operation with some fields put side by side; all the rest must be the same."""
     for field in fields(first):  # type: ignore[arg-type]  # all operations are dataclasses
         if field.name not in {*numbers, *others}:
             _require_same([getattr(each, field.name) for each in alike], field.name)

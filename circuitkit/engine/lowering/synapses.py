@@ -40,7 +40,7 @@ _ONE = np.array(1.0)
 
 
 def only_weighs(model: SynapseModel) -> bool:
-    """Whether a synapse of this model is just a term of a sum: `weight * pre`."""
+    """Check whether a synapse of this model is just a term of a sum: `weight * pre`."""
     return model is STATIC or (not model.states and model.current in _PLAIN)
 
 
@@ -73,22 +73,22 @@ class Bundle(ABC):
 
     @abstractmethod
     def naming(self) -> Naming:
-        """What they are called, such as `a -> b`."""
+        """Find what they are called, such as `a -> b`."""
 
     @abstractmethod
     def initial(self, state: str) -> FloatArray:
-        """Start of a state, shape (count,) or ()."""
+        """Return start of a state, shape (count,) or ()."""
 
     @abstractmethod
     def constants(self) -> dict[str, FloatArray]:
-        """Parameters and weights."""
+        """Return parameters and weights."""
 
     @abstractmethod
     def rows_of(self, name: str, moment: Moment) -> IndexArray:
-        """The rows that `pre`, `post`, `gate` or a state of source or target stand for, shape (count,)."""
+        """Find the rows of `pre`, `post`, `gate` or a state of source or target, shape (count,)."""
 
     def prepared(self, expression: Expression) -> Expression:
-        """An expression of the model in terms of what the bundle has."""
+        """Return an expression of the model in terms of what the bundle has."""
         return expression
 
     def arrive(self) -> Iterator[Operation]:
@@ -109,7 +109,7 @@ class Bundle(ABC):
             yield from advance(system, self.model.method, self.plan.table)
 
     def update(self) -> Iterator[Operation]:
-        """New values of states once a control step, by the newest outputs."""
+        """Yield new values of states once a control step, by the newest outputs."""
         if self.model.updates:
             yield self._map([(self.states[name], new) for name, new in self.model.updates.items()], "end")
 
@@ -121,7 +121,7 @@ class Bundle(ABC):
     def _rows(
         self, expressions: Sequence[Expression], moment: Moment
     ) -> tuple[dict[str, int], dict[str, IndexArray]]:
-        """First rows, or all rows if they are no neighbours, of the names that are not the bundle's own."""
+        """Find the first row, or all rows if they are no neighbours, of names from outside the bundle."""
         rows: dict[str, int] = {}
         picks: dict[str, IndexArray] = {}
         used = frozenset[str]().union(*(expression.names() for expression in expressions))
@@ -136,7 +136,7 @@ class Bundle(ABC):
     def _node_row(
         self, name: str, target: Block, source: str, gate: str, delay_s: float, moment: Moment
     ) -> int:
-        """First row of what a name stands for, for synapses from a source (its first member) to a target."""
+        """Find the first row of a name, for synapses from a source (its first member) to a target."""
         if name.startswith(PRE_STATE) and name in self.model.reads:
             block, member = self.plan.find(source)
             row = block.state(name.removeprefix(PRE_STATE))
@@ -162,15 +162,15 @@ class SingleSynapses(Bundle):
         super().__init__(plan, sources, synapses[0].model, len(synapses), self.targets[0][0])
 
     def naming(self) -> Naming:
-        """What they are called."""
+        """Find what they are called."""
         return Listed(tuple(f"{synapse.source} -> {synapse.target}" for synapse in self.synapses))
 
     def initial(self, state: str) -> FloatArray:
-        """Start of a state."""
+        """Return start of a state."""
         return np.array([synapse.initial[state] for synapse in self.synapses])
 
     def constants(self) -> dict[str, FloatArray]:
-        """Parameters and weights."""
+        """Return parameters and weights."""
         found = {
             name: np.array([synapse.parameters[name] for synapse in self.synapses])
             for name in self.model.parameter_names
@@ -182,7 +182,7 @@ class SingleSynapses(Bundle):
         return substitute(expression, {INPUT: _WEIGHTED})
 
     def rows_of(self, name: str, moment: Moment) -> IndexArray:
-        """The rows that a name stands for."""
+        """Return the rows that a name stands for."""
         rows = [
             self._node_row(name, block, synapse.source, synapse.gate, synapse.delay_s, moment)
             + (member if name == POST or (name.startswith(POST_STATE) and name in self.model.reads) else 0)
@@ -191,7 +191,7 @@ class SingleSynapses(Bundle):
         return np.array(rows, dtype=np.int32)
 
     def terms(self, rank: int) -> Iterator[Term]:
-        """What they deliver as terms of their targets' sums, the first with this rank."""
+        """Find what they deliver as terms of their targets' sums, the first with this rank."""
         for i, (block, member) in enumerate(self.targets):
             yield Term(block.activation + member, rank + i, self.delivered + i, 1.0)
 
@@ -207,21 +207,21 @@ class ProjectedSynapses(Bundle):
         return len(self.projection.sources)
 
     def naming(self) -> Naming:
-        """What they are called."""
+        """Find what they are called."""
         p = self.projection
         return Connections(p.source, p.target, p.indptr, p.sources)
 
     def initial(self, state: str) -> FloatArray:
-        """Start of a state."""
+        """Return start of a state."""
         return _array(self.projection.initial[state])
 
     def constants(self) -> dict[str, FloatArray]:
-        """Parameters and weights."""
+        """Return parameters and weights."""
         found = {name: _array(value) for name, value in self.projection.parameters.items()}
         return {WEIGHT: _array(self.projection.weights), **found}
 
     def rows_of(self, name: str, moment: Moment) -> IndexArray:
-        """The rows that a name stands for."""
+        """Return the rows that a name stands for."""
         p = self.projection
         first = self._node_row(name, self.target, p.source, p.gate, p.delay_s, moment)
         if name == GATE:
@@ -232,7 +232,7 @@ class ProjectedSynapses(Bundle):
         return members + np.int32(first)
 
     def matrix(self) -> Matrix:
-        """What adds up what they deliver."""
+        """Find what adds up what they deliver."""
         everything = np.arange(self.count, dtype=np.int32)
         return Matrix(self.target, self.projection.indptr, everything, _ONE, self.delivered)
 
@@ -248,15 +248,15 @@ class ProjectedTargets(ProjectedSynapses):
         return len(self.projection.indptr) - 1
 
     def naming(self) -> Naming:
-        """What they are called."""
+        """Find what they are called."""
         return Members(f"{self.projection.source} -> {self.projection.target}")
 
     def constants(self) -> dict[str, FloatArray]:
-        """Parameters and weights."""
+        """Return parameters and weights."""
         return {name: _array(value) for name, value in self.projection.parameters.items()}
 
     def arrive(self) -> Iterator[Operation]:
-        """The sums, then as usual."""
+        """Yield the sums, then as usual."""
         yield self._input("arrival")
         yield from super().arrive()
 
@@ -273,7 +273,7 @@ class ProjectedTargets(ProjectedSynapses):
         yield from super().update()
 
     def rows_of(self, name: str, moment: Moment) -> IndexArray:
-        """The rows that a name stands for."""
+        """Return the rows that a name stands for."""
         p = self.projection
         if name == INPUT:
             first = self._sums[moment]
@@ -284,7 +284,7 @@ class ProjectedTargets(ProjectedSynapses):
         return np.arange(first, first + self.count, dtype=np.int32)
 
     def matrix(self) -> Matrix:
-        """What adds up what they deliver."""
+        """Find what adds up what they deliver."""
         everything = np.arange(self.count, dtype=np.int32)
         pointers = np.arange(self.count + 1, dtype=np.int64)
         return Matrix(self.target, pointers, everything, _ONE, self.delivered)
@@ -300,7 +300,7 @@ class ProjectedTargets(ProjectedSynapses):
 
 
 def make_bundle(plan: Plan, sources: Sources, projection: Projection) -> ProjectedSynapses:
-    """The bundle of a projection."""
+    """Make the bundle of a projection."""
     kind = ProjectedTargets if projection.model.per == "target" else ProjectedSynapses
     return kind(plan, sources, projection)
 

@@ -20,7 +20,7 @@ class Table:
         self._initial: list[tuple[int, int, npt.ArrayLike]] = []
 
     def take(self, count: int, initial: npt.ArrayLike = 0.0) -> int:
-        """The first of `count` new rows, which begin with these values."""
+        """Return the first of `count` new rows, which begin with these values."""
         start = self.n_rows
         self.n_rows += count
         self.begin_with(start, count, initial)
@@ -32,7 +32,7 @@ class Table:
             self._initial.append((start, count, initial))
 
     def initial(self) -> FloatArray:
-        """The value of every row at the start, shape (n_rows,), [SI]."""
+        """Return the value of every row at the start, shape (n_rows,), [SI]."""
         values = np.zeros(self.n_rows)
         for start, count, initial in self._initial:
             values[start : start + count] = initial

@@ -47,7 +47,7 @@ class BuildError(Exception):
 
 
 def unavailable() -> str:
-    """Why nothing can be compiled here; empty if it can."""
+    """Find why nothing can be compiled here; empty if it can."""
     if os.name != "posix":
         return f"the compiled backend knows no compiler of {platform.system()}"
     if not (Path(sysconfig.get_path("include")) / "Python.h").is_file():
@@ -58,7 +58,7 @@ def unavailable() -> str:
 
 
 def load_program(source: str) -> int:
-    """Address of the function `ck_work` of a source.
+    """Load address of the function `ck_work` of a source.
 
     Raises:
         BuildError: It cannot be compiled.
@@ -69,7 +69,7 @@ def load_program(source: str) -> int:
 
 @cache
 def load_runtime() -> ModuleType:
-    """The extension module made of `runtime.c`.
+    """Load the extension module made of `runtime.c`.
 
     Raises:
         BuildError: It cannot be compiled.
@@ -101,7 +101,7 @@ def _library(source: str) -> ctypes.CDLL:
 
 
 def _built(source: str, flags: list[str]) -> Path:
-    """The library of a source, from the cache if it is there."""
+    """Return the library of a source, from the cache if it is there."""
     if reason := unavailable():
         raise BuildError(reason)
     try:
@@ -114,7 +114,7 @@ def _built(source: str, flags: list[str]) -> Path:
 
 
 def _cache_folder() -> Path:
-    """The folder of the cache; one of the temporary folder if it cannot be written."""
+    """Return the folder of the cache; one of the temporary folder if it cannot be written."""
     chosen = os.environ.get("CIRCUITKIT_CACHE")
     home = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     folder = Path(chosen) if chosen else Path(home).expanduser() / "circuitkit"
@@ -128,7 +128,7 @@ def _cache_folder() -> Path:
 
 
 def _private_folder() -> Path:
-    """A folder of the user's own: what is loaded from it runs, so nobody else may put something there."""
+    """Make a folder of the user's own: what lies there is run, so nobody else may write to it."""
     folder = Path(tempfile.gettempdir()) / f"circuitkit-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     found = folder.lstat()
@@ -149,7 +149,7 @@ def _more_flags() -> list[str]:
 
 
 def _compiler() -> str | None:
-    """Path of the compiler."""
+    """Return path of the compiler."""
     names = (*os.environ.get("CC", "").split()[:1], "cc", "gcc", "clang")
     return next((path for name in names if (path := shutil.which(name))), None)
 
@@ -163,7 +163,7 @@ def _compiler_identity() -> tuple[str, ...]:
 
 @cache
 def _processor() -> str:
-    """Which instructions `-march=native` may use."""
+    """Find which instructions `-march=native` may use."""
     try:
         with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as file:
             lines = file.read(8192).split("\n\n", maxsplit=1)[0].splitlines()
@@ -178,7 +178,7 @@ def _abi() -> str:
 
 
 def _found(folder: Path, key: str) -> Path | None:
-    """The library of a key, if it is whole."""
+    """Return the library of a key, if it is whole."""
     for path in folder.glob(f"{key}-*.so"):
         if path.stem == f"{key}-{_sum(path)}":
             os.utime(path)

@@ -20,7 +20,7 @@ class Constants:
         self._known: dict[int, tuple[FloatArray, int]] = {}
 
     def share(self, values: FloatArray) -> int:
-        """Place of the first number of an array of shape (), (n,) or (n, 1)."""
+        """Return place of the first number of an array of shape (), (n,) or (n, 1)."""
         if (known := self._known.get(id(values))) is not None:
             return known[1]
         self._known[id(values)] = values, self._n_shared  # held, so that the identity stays taken
@@ -32,7 +32,7 @@ class Constants:
         return self._n_shared - len(padded)
 
     def own(self, values: FloatArray) -> int:
-        """Place of the first row of an array of shape (n, B)."""
+        """Return place of the first row of an array of shape (n, B)."""
         if (known := self._known.get(id(values))) is not None:
             return known[1]
         self._known[id(values)] = values, self._n_own
@@ -41,9 +41,9 @@ class Constants:
         return self._n_own - len(values)
 
     def shared_numbers(self) -> FloatArray:
-        """All shared numbers, one after the other."""
+        """Return all shared numbers, one after the other."""
         return np.concatenate([*self._shared, np.zeros(1)])
 
     def own_rows(self, batch: int) -> FloatArray:
-        """All rows with a number for each member, shape (n, B)."""
+        """Return all rows with a number for each member, shape (n, B)."""
         return np.concatenate([*self._own, np.zeros((0, batch))])

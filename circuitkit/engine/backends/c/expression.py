@@ -57,7 +57,7 @@ class _Printer:
         return f"{function}_{self._width}({', '.join(arguments)})"
 
     def _power(self, base: Expression, exponent: Expression) -> str:
-        """Products for small whole powers: a call of `pow` costs as much as twenty."""
+        """Return products for small whole powers: a call of `pow` costs as much as twenty."""
         match exponent:
             case Number(value=value) if value in range(1, _LARGEST_WHOLE_POWER + 1):
                 return self._call(f"power{int(value)}", self.text(base))

@@ -36,7 +36,7 @@ class Loop:
 
 
 def fused(operations: Iterable[Operation]) -> Iterator[Operation | Loop]:
-    """The same operations, with loops in place of maps.
+    """Yield the same operations, with loops in place of maps.
 
     Args:
         operations: What is done one after the other.
@@ -70,7 +70,7 @@ def _as_map(operation: Operation) -> Operation:
 
 
 def _loop_for(operation: Operation, groups: Sequence[list[Operation]]) -> list[Operation] | None:
-    """The operations that a map may join."""
+    """Return the operations that a map may join."""
     if not isinstance(operation, Map) or operation.count < _MANY_ROWS:
         return None
     for group in reversed(groups[-_FAR:]):
@@ -82,7 +82,7 @@ def _loop_for(operation: Operation, groups: Sequence[list[Operation]]) -> list[O
 
 
 def _go_together(later: Map, earlier: Operation) -> bool:
-    """Whether two maps may share a loop."""
+    """Check whether two maps may share a loop."""
     if not isinstance(earlier, Map) or earlier.count != later.count:
         return False
     rows = [(row, row + later.count) for each in (earlier, later) for row in each.rows.values()]
@@ -94,7 +94,7 @@ def _go_together(later: Map, earlier: Operation) -> bool:
 
 
 def _depend(later: Operation, earlier: Operation) -> bool:
-    """Whether two operations may not change places."""
+    """Check whether two operations may not change places."""
     changed, before = [*written_ranges(later)], [*written_ranges(earlier)]
     return (
         _meet(changed, before)
@@ -108,7 +108,7 @@ def _meet(some: Iterable[Range], others: Sequence[Range]) -> bool:
 
 
 def _read_ranges(operation: Operation) -> Iterator[Range]:
-    """Rows that an operation reads lie in these."""
+    """Read rows that an operation reads lie in these."""
     match operation:
         case Map(count=count, rows=rows):
             yield from ((row, row + count) for row in rows.values())

@@ -85,7 +85,7 @@ class CompiledKernel:
         )
 
     def _given(self, array: AnyArray, number: np.dtype[Any]) -> AnyArray:
-        """An array as C wants it: contiguous, in the program's precision, rows filled up to the stride."""
+        """Make an array as C wants it: contiguous, in the program's precision, filled up to the stride."""
         if array.dtype.kind != "f":
             return np.ascontiguousarray(array)
         if array.ndim > 1 and self.batch > 1:
@@ -165,7 +165,7 @@ def _stride(batch: int) -> int:
 
 
 def _aligned(shape: Sequence[int], number: np.dtype[Any]) -> AnyArray:
-    """Zeros that begin at a line of the cache."""
+    """Return zeros that begin at a line of the cache."""
     size = int(np.prod(shape)) * number.itemsize
     memory = np.zeros(size + _ALIGNMENT, dtype=np.uint8)
     start = -memory.ctypes.data % _ALIGNMENT
@@ -178,7 +178,7 @@ def _addresses(arrays: Sequence[AnyArray]) -> npt.NDArray[np.uint64]:
 
 @cache  # so that it warns once
 def _chosen_threads(text: str) -> int:
-    """The number of threads that a text says; 0 if it says none, with a warning if it is not empty."""
+    """Return the number of threads that a text says; 0 if it says none, with a warning if it is not empty."""
     if text.isdecimal() and int(text) > 0:
         return int(text)
     if text:
@@ -187,7 +187,7 @@ def _chosen_threads(text: str) -> int:
 
 
 def _threads(work: int, waits: int) -> int:
-    """How many threads share the work: what `CIRCUITKIT_THREADS` says, else one if there is little."""
+    """Find how many threads share the work: what `CIRCUITKIT_THREADS` says, else one if there is little."""
     if chosen := _chosen_threads(os.environ.get("CIRCUITKIT_THREADS", "")):
         return chosen
     if work < _WORK_FOR_THREADS or work < _WORK_FOR_A_WAIT * waits:

@@ -39,18 +39,18 @@ class Arrays:
         self._known: dict[int, int] = {}
 
     def number(self, array: AnyArray) -> int:
-        """The number by which C finds an array."""
+        """Return the number by which C finds an array."""
         if id(array) not in self._known:
             self._known[id(array)] = self.later(lambda: array)
         return self._known[id(array)]
 
     def later(self, make: Callable[[], AnyArray]) -> int:
-        """The number of an array that is made when a kernel is."""
+        """Return the number of an array that is made when a kernel is."""
         self._make.append(make)
         return len(self._make) - 1
 
     def made(self) -> list[AnyArray]:
-        """All of them, for a kernel."""
+        """Return all of them, for a kernel."""
         return [make() for make in self._make]
 
 
@@ -100,7 +100,7 @@ class _Printer:
             yield f"static __attribute__((noinline)) void {name}{text}"
 
     def _function(self, text: str) -> str:
-        """The name of a function with these parameters and this body."""
+        """Return the name of a function with these parameters and this body."""
         return self._functions.setdefault(text, f"operation{len(self._functions)}")
 
     def _step(self) -> Iterator[str]:
@@ -133,7 +133,7 @@ class _Printer:
             self._forget(operation)
 
     def _forget(self, operation: Operation | Loop) -> None:
-        """Which sources are active must be found again where they were written."""
+        """Forget which sources are active, where they were written."""
         for each in operation.maps if isinstance(operation, Loop) else (operation,):
             for start, stop in written_ranges(each):
                 self._found -= {(base, n) for base, n in self._found if start < base + n and base < stop}
@@ -174,7 +174,7 @@ class _Printer:
         return f"{name}({further}{rows}, {indices}, {self._array(operation.weights)}, stride, {_PARTS});"
 
     def _columns(self, operation: Sum) -> str:
-        """The arguments for the sum by columns."""
+        """Return the arguments for the sum by columns."""
         numbers = [
             *self._lists[operation.base, n_sources(operation)],
             self._arrays.later(lambda: columns(operation).begins),
@@ -228,6 +228,6 @@ def _are_neighbours(rows: npt.NDArray[np.int32]) -> bool:
 
 
 def _degree(indptr: npt.NDArray[np.int64]) -> int:
-    """The number of terms that all sums have, or -1: a loop of known length is unrolled."""
+    """Return the number of terms that all sums have, or -1: a loop of known length is unrolled."""
     lengths = np.diff(indptr)
     return int(lengths[0]) if len(lengths) and (lengths == lengths[0]).all() else -1

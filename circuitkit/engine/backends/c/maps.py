@@ -41,7 +41,7 @@ class LoopPrinter:
                 self.arguments[f"const int32_t *pick{m}_{k}"] = array(rows)
 
     def alone(self) -> Iterator[str]:
-        """The loops for one circuit: neighbouring rows side by side, then one by one."""
+        """Yield the loops for one circuit: neighbouring rows side by side, then one by one."""
         for width in (SIMD_WIDTH, 1):
             yield f"for (; i + {width} <= end; i += {width}) {{"
             yield from self._body(
@@ -53,7 +53,7 @@ class LoopPrinter:
             yield "}"
 
     def batch(self) -> Iterator[str]:
-        """The loops for a batch: neighbouring members side by side."""
+        """Yield the loops for a batch: neighbouring members side by side."""
         at = "* stride + at"
         yield "for (; i < end; i++) for (int64_t at = 0; at < stride; at += 8) {"
         constants = ("all_8(*{0})", "all_8({0}[i])", f"load_8({{0}} + i {at})")
@@ -61,7 +61,7 @@ class LoopPrinter:
         yield "}"
 
     def _body(self, width: int, place: str, pick: str, constants: tuple[str, ...]) -> Iterator[str]:
-        """Statements for vectors of a width.
+        """Yield statements for vectors of a width.
 
         `pick` and `constants`, these by their number of axes, load what {0} points to.
         """
@@ -86,7 +86,7 @@ class LoopPrinter:
 
 
 def _loaded(operation: Map, m: int, pick: str, constants: tuple[str, ...]) -> Iterator[tuple[str, str, str]]:
-    """Names that stand for something else than neighbours, their variables, and what these are set to."""
+    """Yield names for something else than neighbours, with their variables and what these are set to."""
     for k, name in enumerate(operation.picks):
         yield name, f"p{m}_{k}", pick.format(f"pick{m}_{k}")
     for k, (name, values) in enumerate(operation.constants.items()):

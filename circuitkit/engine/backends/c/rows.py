@@ -12,7 +12,7 @@ from circuitkit.engine.program import Program
 
 
 def lasting_rows(program: Program) -> npt.NDArray[np.bool_]:
-    """Which rows are inputs or survive a control step, shape (n_rows,)."""
+    """Find which rows are inputs or survive a control step, shape (n_rows,)."""
     lasting = np.zeros(program.n_rows, dtype=np.bool_)
     lasting[1 : 1 + len(program.input_names)] = True
     lasting[slice(*program.readout_rows)] = True
@@ -22,7 +22,7 @@ def lasting_rows(program: Program) -> npt.NDArray[np.bool_]:
 
 
 def print_memories(program: Program) -> Iterator[str]:
-    """The C function that says where every ring stands after a number of control steps."""
+    """Print the C function that says where every ring stands after a number of control steps."""
     yield "static void begin_memories(int64_t *places, int64_t done)"
     yield "{"
     yield "(void)places, (void)done;"
@@ -33,13 +33,13 @@ def print_memories(program: Program) -> Iterator[str]:
 
 
 def ranges(chosen: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """Neighbouring rows that are chosen as pairs of the first one and the one after the last."""
+    """Yield neighbouring rows that are chosen as pairs of the first one and the one after the last."""
     edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def first_read(operations: Iterable[Operation]) -> set[int]:
-    """Rows that are read before they are written."""
+    """Return rows that are read before they are written."""
     read: set[int] = set()
     before: set[int] = set()
     for operation in operations:
@@ -63,13 +63,13 @@ def _reads(operation: Operation) -> set[int]:
 
 
 def written(operations: Iterable[Operation]) -> set[int]:
-    """Rows that are written."""
+    """Return rows that are written."""
     pairs = [pair for operation in operations for pair in written_ranges(operation)]
     return {row for start, stop in pairs for row in range(start, stop)}
 
 
 def written_ranges(operation: Operation) -> Iterator[tuple[int, int]]:
-    """First rows that an operation writes, and the ones after the last."""
+    """Yield first rows that an operation writes, and the ones after the last."""
     match operation:
         case Map(count=count, results=results):
             yield from ((start, start + count) for start, _ in results)

@@ -40,7 +40,7 @@ class Source:
 
 
 def print_program(program: Program, batch: int) -> Source:
-    """The source of a program for a batch size.
+    """Print the source of a program for a batch size.
 
     Args:
         program: What is to be done.

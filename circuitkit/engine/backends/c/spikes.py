@@ -46,7 +46,7 @@ _KNOWN: WeakKeyDictionary[Sum, Columns] = WeakKeyDictionary()
 
 
 def columns(operation: Sum) -> Columns:
-    """The matrix of a sum column by column; made once and kept as long as the sum."""
+    """Return the matrix of a sum column by column; made once and kept as long as the sum."""
     if operation not in _KNOWN:
         _KNOWN[operation] = _columns(operation)
     return _KNOWN[operation]
@@ -64,12 +64,12 @@ def _columns(operation: Sum) -> Columns:
 
 
 def n_sources(operation: Sum) -> int:
-    """The number of rows among which its sources are."""
+    """Return the number of rows among which its sources are."""
     return int(operation.sources.max()) + 1
 
 
 def sums_of_spikes(program: Program) -> set[Sum]:
-    """The sums that are worth being done by columns, of a program for one circuit."""
+    """Return the sums that are worth being done by columns, of a program for one circuit."""
     large = [each for each in program.operations if isinstance(each, Sum) and _is_large(each)]
     if not large:
         return set()
@@ -89,7 +89,7 @@ def _is_large(operation: Sum) -> bool:
 
 
 def _is_in_order(operation: Sum) -> bool:
-    """Whether the terms of every sum come in the order of their sources."""
+    """Check whether the terms of every sum come in the order of their sources."""
     ascends = np.diff(operation.sources) >= 0
     first = operation.indptr[1:-1]  # of the sums behind the first one
     ascends[first[(first > 0) & (first < len(operation.sources))] - 1] = True
@@ -97,7 +97,7 @@ def _is_in_order(operation: Sum) -> bool:
 
 
 def _mostly_zero(program: Program) -> BoolArray:
-    """Rows that only get what a comparison lets through, or the past of such rows, shape (n_rows,).
+    """Return rows that only get what a comparison lets through, or the past of such rows, shape (n_rows,).
 
     They are found by ruling out: a row that counts spikes adds them to itself, so it is one of them if
     nothing else speaks against it.
@@ -115,7 +115,7 @@ def _mostly_zero(program: Program) -> BoolArray:
 
 
 def _written(program: Program, zeros: BoolArray) -> Iterator[tuple[int, int, BoolArray]]:
-    """The first row and the one after the last of all that is written, and whether it is mostly zero."""
+    """Give the first row and the one after the last of all that is written, and whether it is mostly zero."""
     for operation in program.operations:
         match operation:
             case Map(count=count, results=results, rows=rows, picks=picks):
@@ -130,7 +130,7 @@ def _written(program: Program, zeros: BoolArray) -> Iterator[tuple[int, int, Boo
 
 
 def _is_zero(expression: Expression, names: Mapping[str, BoolArray]) -> BoolArray:
-    """Where an expression is mostly zero if the names are: a guess, on which no number depends."""
+    """Find where an expression is mostly zero if the names are: a guess, on which no number depends."""
     zero = np.zeros(1, dtype=np.bool_)
     match expression:
         case Number(value=value):

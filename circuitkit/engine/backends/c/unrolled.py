@@ -65,7 +65,7 @@ class _Printer(ABC):
         }
 
     def source(self) -> str:
-        """All of it."""
+        """Return all of it."""
         kept = np.flatnonzero(lasting_rows(self.program)).tolist()
         head = [
             f"#define CK_WIDTH {self.width * self.abreast}",
@@ -81,12 +81,12 @@ class _Printer(ABC):
         return "\n".join([*head, *self._variants()])
 
     def _copies(self, kept: Sequence[int]) -> Iterable[str]:
-        """Further functions that the surroundings need."""
+        """Return further functions that the surroundings need."""
         del kept
         return ()
 
     def _variants(self) -> Iterable[str]:
-        """The function that does a step, in all widths."""
+        """Yield the function that does a step, in all widths."""
         yield from self.lines
 
     def _step(self, kept: Sequence[int]) -> None:
@@ -118,7 +118,7 @@ class _Printer(ABC):
         self.lines.append("}")
 
     def _first(self, row: int, read: set[int], changed: set[int]) -> str:
-        """Initialisation of a row's variable."""
+        """Return initialisation of a row's variable."""
         if 1 <= row <= len(self.program.input_names):
             return f" = load_{self.width}(given + {row - 1} * given_stride{self.offset})"
         if row in read or row not in changed:
@@ -154,7 +154,7 @@ class _Printer(ABC):
         return f"all_{self.width}(shared[{self.constants.share(values) + (k if values.ndim else 0)}])"
 
     def _sum(self, operation: Sum) -> None:
-        """Where all weights are 1 or -1 nothing is multiplied; other weights are data."""
+        """Print a sum; where all weights are 1 or -1 nothing is multiplied, other weights are data."""
         weights = operation.weights
         signs = weights if weights.ndim == 1 and (np.abs(weights) == 1.0).all() else None
         for i, row in enumerate(range(operation.start, operation.stop)):
@@ -325,7 +325,7 @@ class _Alone(_Printer):
 
 
 def _added(terms: Sequence[str]) -> str:
-    """A sum in pairs of pairs, whose terms need not wait for each other."""
+    """Return a sum in pairs of pairs, whose terms need not wait for each other."""
     if len(terms) <= 1:
         return terms[0] if terms else "0"
     half = len(terms) // 2
@@ -333,5 +333,5 @@ def _added(terms: Sequence[str]) -> str:
 
 
 def _width(count: int) -> int:
-    """The smallest number of lanes for so many numbers."""
+    """Return the smallest number of lanes for so many numbers."""
     return 1 << (count - 1).bit_length()

@@ -14,7 +14,7 @@ from circuitkit.circuit.resolving.scope import Located, Scope
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class Endpoint:
     """One end of a synapse or projection.
 
     Attributes:
@@ -43,31 +43,33 @@ class Nodes:
     inputs: dict[str, InputNode] = field(default_factory=dict)
     neurons: dict[str, Neuron] = field(default_factory=dict)
     populations: dict[str, Population] = field(default_factory=dict)
-    _ends: dict[str, End] = field(default_factory=dict)
+    _endpoints: dict[str, Endpoint] = field(default_factory=dict)
 
-    def end(self, name: str) -> End | None:
-        """An input, neuron or population by its name in the whole circuit; None if it is unsound."""
-        if name not in self._ends:
+    def endpoint(self, name: str) -> Endpoint | None:
+        """Return an input, neuron or population by its name in the whole circuit; None if it is unsound."""
+        if name not in self._endpoints:
             if name in self.neurons:
                 neuron = self.neurons[name]
-                end = End(name, DIMENSIONLESS, neuron.role, neuron.model, neuron.activation_unit)
+                end = Endpoint(name, DIMENSIONLESS, neuron.role, neuron.model, neuron.activation_unit)
             elif name in self.inputs:
-                end = End(name, self.inputs[name].unit)
+                end = Endpoint(name, self.inputs[name].unit)
             elif name in self.populations:
                 each = self.populations[name]
                 unit = each.activation_unit
-                end = End(name, DIMENSIONLESS, each.role, each.model, unit, each.size, is_population=True)
+                end = Endpoint(
+                    name, DIMENSIONLESS, each.role, each.model, unit, each.size, is_population=True
+                )
             else:
                 return None
-            self._ends[name] = end
-        return self._ends[name]
+            self._endpoints[name] = end
+        return self._endpoints[name]
 
     def located(
         self, scope: Scope, item: Item[Any], place: Place, located: Located, *, at_key: bool = False
-    ) -> End | None:
-        """What a name stands for; None if it is unsound, or after complaining about a missing member."""
+    ) -> Endpoint | None:
+        """Find what a name stands for; None if it is unsound, or after complaining about a missing member."""
         if located.kind != "member":
-            return self.end(located.name)
+            return self.endpoint(located.name)
         population = self.populations.get(located.name.rpartition("[")[0])
         if population is None:
             return None
@@ -77,4 +79,4 @@ class Nodes:
             scope.errors.append(item.problem(place, f"{found}; allowed: {allowed}", at_key=at_key))
             return None
         unit = population.activation_unit
-        return End(located.name, DIMENSIONLESS, population.role, population.model, unit)
+        return Endpoint(located.name, DIMENSIONLESS, population.role, population.model, unit)

@@ -21,7 +21,7 @@ _PAIR = 2
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
-    """The source of random numbers of one entry: its own stream, whatever else the circuit has.
+    """Return the source of random numbers of one entry: its own stream, whatever else the circuit has.
 
     Args:
         seed: Seed of the circuit.
@@ -31,8 +31,8 @@ def generator(seed: int, name: str) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest[:16], "little")))
 
 
-def spread(scope: Scope, item: Item[Any], place: Place, value: object, size: int) -> Amount | None:
-    """Values for the members of a population; expressions may use `i` (from 0) and `n`.
+def member_values(scope: Scope, item: Item[Any], place: Place, value: object, size: int) -> Amount | None:
+    """Return values for the members of a population; expressions may use `i` (from 0) and `n`.
 
     Args:
         scope: Where the values stand.
@@ -61,7 +61,7 @@ def listed(
     size: int,
     stream: str,
 ) -> Amount | None:
-    """Values from a list, a range or a distribution.
+    """Return values from a list, a range or a distribution.
 
     Args:
         scope: Where the values stand.
@@ -84,7 +84,7 @@ def listed(
 
 
 def _array(scope: Scope, item: Item[Any], place: Place, values: Sequence[object]) -> Amount | None:
-    """Values one by one, all of the same dimension."""
+    """Return values one by one, all of the same dimension."""
     if all(type(value) in {int, float} for value in values):
         return Amount(np.array(values, dtype=np.float64), DIMENSIONLESS)
     found = [scope.value(item, (*place, number), value) for number, value in enumerate(values)]
@@ -102,7 +102,7 @@ def _array(scope: Scope, item: Item[Any], place: Place, values: Sequence[object]
 def _drawn(
     scope: Scope, item: Item[Any], place: Place, value: dict[str, object], size: int, stream: str
 ) -> Amount | None:
-    """A range or a distribution."""
+    """Return a range or a distribution."""
     kinds = [*value]
     if len(kinds) != 1 or kinds[0] not in DISTRIBUTIONS:
         wrong = next((kind for kind in kinds if kind not in DISTRIBUTIONS), "")
