@@ -55,7 +55,7 @@ def _quantity(value: object) -> object:
     return str(value)
 
 
-UnitText = Annotated[str, AfterValidator(_unit)]
+UnitText = Annotated[str, BeforeValidator(lambda value: "1" if value == 1 and value is not True else value), AfterValidator(_unit)]
 AnyQuantity = Annotated[str, BeforeValidator(_quantity)]
 
 
