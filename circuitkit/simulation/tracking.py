@@ -113,6 +113,8 @@ class Tracker:
                 return self._values[first:last, robot, self._place[name]]
             if name in self._command_place:
                 return self._commands[first:last, robot, self._command_place[name]]
+            if name not in self._motion.planned:  # a command that this controller does not write
+                return np.zeros((last - first,) if isinstance(robot, int) else (last - first, len(self.ended)))
             planned = self._motion.planned[name].values[first:last]
             return planned if isinstance(robot, int) else planned[:, np.newaxis]
 

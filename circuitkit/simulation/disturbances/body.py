@@ -19,7 +19,7 @@ class Body(Disturbance):
 
     body: str = Field(default="*", description="Name of a body, with * for any letters; * is all of them.")
     mass: Ratio = Field(default=1.0, gt=0, le=10, description="Factor for its mass and inertia.")
-    payload: Kilograms | None = Field(default=None, gt=0, description="A point mass at its centre of mass.")
+    payload: Kilograms | None = Field(default=None, ge=0, description="A point mass at its centre of mass.")
     friction: Ratio | None = Field(
         default=None, gt=0, le=10, description="Sliding friction of what touches it; of everything for *."
     )
