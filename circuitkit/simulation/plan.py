@@ -249,8 +249,9 @@ def load_circuits(
     chosen = scenario.circuit if circuit is None else circuit
     if chosen is None:
         return Circuits()
-    with scenario.located("circuit"):
-        whole = _graph(scenario, chosen, settings, here=circuit is None)
+    own_settings = {name: str(value) for name, value in scenario.settings.items()} if circuit is None else {}
+    with scenario.located("settings" if own_settings else "circuit"):
+        whole = _graph(scenario, chosen, {**own_settings, **(settings or {})}, here=circuit is None)
         other = circuit is not None and scenario.circuit is not None
         own = _graph(scenario, scenario.circuit, None, here=True) if other else None
     with scenario.located("silenced"):

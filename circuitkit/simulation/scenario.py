@@ -126,6 +126,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         default=None, description="open_loop, circuit, or the name or path of a controller file."
     )
     circuit: Any = Field(default=None, description="The circuit of the controller named circuit: a shipped one or a path.")
+    settings: Mapping[str, str | float] = Field(
+        default={}, description="Values of the circuit that take the place of its file's, such as w: 2 deg."
+    )
     connect: _Sides = Field(default=_Sides(), description="Joins names of the circuit to those of the robot.")
     silenced: tuple[str, ...] = Field(
         default=(),
