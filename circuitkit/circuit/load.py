@@ -13,11 +13,9 @@ from typing import TypeAlias
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document, find_data_file, scan_text, scan_yaml
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.circuit.parts import Module, read_module
+from circuitkit.circuit.parts import FOLDER, Module, read_module
 from circuitkit.circuit.resolve import analyse, resolve
 from circuitkit.circuit.resolving.items import Findings
-
-FOLDER = "circuits"
 
 
 def load_circuit(

@@ -12,8 +12,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from circuitkit.base.errors import Problem, suggest
-from circuitkit.base.source import Data, Document, Finding, Place, model_problems, scan_yaml
+from circuitkit.base.source import (
+    Data,
+    Document,
+    Finding,
+    Place,
+    data_folder,
+    model_problems,
+    scan_yaml,
+    shipped_names,
+)
 from circuitkit.circuit.spec import CircuitSpec, FileSpec, InstanceSpec
+
+FOLDER = "circuits"
 
 NAMED_SECTIONS = (
     "parameters",
@@ -150,7 +161,7 @@ class _Reader:
         for number, entry in enumerate(part.spec.include):
             place: Place = ("include", number) if isinstance(entry, str) else ("include", number, "file")
             name = entry if isinstance(entry, str) else entry.file
-            path = Path(part.document.path).parent / name
+            path = _included_path(part.document, name)
             if self.is_circle(part, place, path, (*including, here)):
                 lost = lost or isinstance(entry, str)
             elif isinstance(entry, InstanceSpec):
@@ -185,7 +196,7 @@ class _Reader:
 
     def read(self, part: Part, place: Place, name: str) -> Part | None:
         """Read an included file, read once however often it is included; None after complaining."""
-        path = Path(part.document.path).parent / name
+        path = _included_path(part.document, name)
         here = path.resolve()
         if here in self.files:
             return self.files[here]
@@ -222,14 +233,23 @@ class _Gathering:
     done: set[Path] = field(default_factory=set)
 
 
+def _included_path(document: Document, name: str) -> Path:
+    """Find the path of an included file: from here, or of a shipped circuit if it is a bare name."""
+    path = Path(document.path).parent / name
+    bare = not Path(name).suffix and len(Path(name).parts) == 1
+    return data_folder(FOLDER) / f"{name}.yaml" if bare and not path.exists() and name in shipped_names(FOLDER) else path
+
+
 def _unreadable(path: Path, name: str) -> tuple[str, str]:
     """Find why an included file cannot be read, and a hint; empty if it may be read."""
     if path.is_dir():
         return f"found '{name}', which is a folder; allowed: the path of a circuit file from here", ""
     if path.exists():
         return "", ""
-    hint = suggest(path.name, sorted(sibling.name for sibling in path.parent.glob("*.y*ml")))
-    return f"found '{name}', but there is no file '{path}'; allowed: a path from here", hint
+    there = sorted(sibling.name for sibling in path.parent.glob("*.y*ml"))
+    hint = suggest(path.name, there if path.suffix else [*shipped_names(FOLDER), *there])
+    allowed = "a path from here" if path.suffix else "a path from here, or the name of a shipped circuit"
+    return f"found '{name}', but there is no file '{path}'; allowed: {allowed}", hint
 
 
 def _sound_part(document: Document, findings: Iterable[Finding]) -> Part:

@@ -9,7 +9,6 @@ import typer
 
 from circuitkit.cli.printing import examples, note
 
-
 DEFAULT = Path("circuit.yaml")
 
 

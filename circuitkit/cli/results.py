@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,6 +102,8 @@ def _measure(value: float | bool | None, unit: Unit | None) -> str:
         return "yes" if value else "no"
     if unit is None or unit.symbol == "1":
         return f"{value:.3g}"
+    if unit.symbol in {"rad", "rad/s"}:
+        return f"{math.degrees(value):.3g} {unit.symbol.replace('rad', 'deg')}"
     if unit.symbol in {"m", "m/s"} and abs(value) < 1:
         return f"{value * 1e3:.3g} m{unit.symbol}"
     return f"{value:.3g} {unit.symbol}"

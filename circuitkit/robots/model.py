@@ -80,6 +80,7 @@ class RobotModel:
         blocks: What blocks of plug-ins made of the model, by the key of the block.
         base: Number of the free joint that carries the robot; None if it has none.
         servo_joints: Joints that have a servo of the robot file, in the order of the MJCF.
+        start_act: States of actuators, such as muscles, at the start; shape (na,).
     """
 
     robot: Robot
@@ -91,6 +92,7 @@ class RobotModel:
     blocks: Mapping[str, Any]
     base: int | None
     servo_joints: tuple[str, ...] = ()
+    start_act: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def channel_units(self) -> dict[str, Unit]:
@@ -174,16 +176,17 @@ def build_model(
     mj.compiler.discardvisual = not (looks or sees or len(mj.cameras) > 0)
     model = _compiled(mj, robot)
     start, held = _start(robot, model, servos, problems)
+    act = model.key(robot.key).act.copy() if robot.key in _key_names(model) else np.zeros(model.na)
     channels = {name: _channel(name, parts, model) for name, parts in bound.items()}
     commands = _commands(robot, model, problems)
     if problems:
         raise InputError(*problems)
-    made = RobotModel(robot, model, channels, commands, start, held, {}, _base(model), tuple(servos))
+    made = RobotModel(robot, model, channels, commands, start, held, {}, _base(model), tuple(servos), act)
     for kind, block in prepared.items():
         brought = block.finish(made)
         made = RobotModel(
             robot, model, {**brought.channels, **made.channels}, {**brought.commands, **made.commands},
-            start, held, {**made.blocks, kind: brought.body}, made.base, made.servo_joints,
+            start, held, {**made.blocks, kind: brought.body}, made.base, made.servo_joints, act,
         )  # fmt: skip
     for change in changes:
         change(made)
@@ -319,13 +322,17 @@ def _commands(robot: Robot, model: mujoco.MjModel, problems: list[Problem]) -> d
     return found
 
 
+def _key_names(model: mujoco.MjModel) -> list[str]:
+    return [model.key(i).name for i in range(model.nkey)]
+
+
 def _start(
     robot: Robot, model: mujoco.MjModel, servos: Mapping[str, float], problems: list[Problem]
 ) -> tuple[Array, Array]:
     """Positions at the start, and the controls that hold them."""
     qpos, ctrl = model.qpos0.copy(), np.zeros(model.nu)
     if robot.key is not None:
-        keys = [model.key(i).name for i in range(model.nkey)]
+        keys = _key_names(model)
         if robot.key in keys:
             qpos, ctrl = model.key(robot.key).qpos.copy(), model.key(robot.key).ctrl.copy()
         else:

@@ -90,6 +90,8 @@ class Worlds:
         self._seeing = int(model.opt.disableflags)
         self._stepped: NDArray[np.int32] | None = None
         self.qpos[:] = start_qpos
+        if model.na:
+            self.physics.bind("act")[:] = robot.start_act
 
     def begin(self) -> None:
         """Work out the readings at the start, once the state is what it shall be."""

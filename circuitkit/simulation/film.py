@@ -11,8 +11,6 @@ import numpy as np
 
 from circuitkit.base.errors import MissingDependencyError
 from circuitkit.base.files import replacing
-from circuitkit.base.errors import MissingDependencyError
-from circuitkit.base.files import replacing
 from circuitkit.draw.style import GREY, INK, PAPER
 from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
 from circuitkit.simulation.progress import progress_bar

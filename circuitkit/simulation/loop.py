@@ -144,6 +144,8 @@ def _start(setup: Setup, threads: int | None) -> Worlds:
         setup.robot, setup.step_s, setup.motion.targets, setup.motion.start_qpos,
         setup.controller.commands, len(setup.specs), threads,
     )  # fmt: skip
+    if setup.motion.start_act is not None and len(setup.motion.start_act):
+        worlds.physics.bind("act")[:] = setup.motion.start_act
     for place in setup.effects.at_rest:
         place(worlds)
     worlds.begin()

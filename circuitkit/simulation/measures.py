@@ -57,22 +57,38 @@ def _same(dimension: OpenDimension | None) -> OpenDimension | None:
 
 
 def _mean_so_far(x: Array, _: float) -> Array:
-    return np.cumsum(x, axis=0) / _counting(x)
+    return np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0)
 
 
-def _counting(x: Array) -> Array:
-    """1, 2, ... along the first axis, in a shape that goes with x."""
-    return np.arange(1, len(x) + 1).reshape(-1, *(1,) * (x.ndim - 1))
+def _holds(x: Array) -> Array:
+    """Where a condition holds: what is outside a window, not a number, does not."""
+    return (x != 0) & ~np.isnan(x)
+
+
+def _last_so_far(x: Array, _: float) -> Array:
+    """The last value that is a number."""
+    rows = np.arange(len(x)).reshape(-1, *(1,) * (x.ndim - 1))
+    latest = np.maximum.accumulate(np.where(np.isnan(x), 0, rows), axis=0)
+    return np.take_along_axis(x, np.broadcast_to(latest, x.shape), axis=0)
+
+
+def _first_so_far(x: Array, _: float) -> Array:
+    """The first value that is a number."""
+    if not len(x):
+        return x
+    first = np.argmax(~np.isnan(x), axis=0)
+    value = np.take_along_axis(x, np.expand_dims(first, 0), axis=0)
+    return np.where(np.arange(len(x)).reshape(-1, *(1,) * (x.ndim - 1)) >= first, value, np.nan)
 
 
 def _first_time(x: Array, dt: float) -> Array:
-    seen = np.maximum.accumulate(x != 0, axis=0)
-    first = np.argmax(x != 0, axis=0) if len(x) else 0
+    seen = np.maximum.accumulate(_holds(x), axis=0)
+    first = np.argmax(_holds(x), axis=0) if len(x) else 0
     return np.where(seen, (first + 1) * dt, np.nan)
 
 
 def _begun(x: Array) -> Array:
-    holds = (x != 0).astype(np.float64)
+    holds = _holds(x).astype(np.float64)
     return np.maximum(np.diff(holds, prepend=0.0, axis=0), 0.0)
 
 
@@ -82,12 +98,12 @@ REDUCTIONS: Mapping[str, Reduction] = {
     "mean": Reduction(_mean_so_far, _same, "the mean"),
     "rms": Reduction(lambda x, dt: np.sqrt(_mean_so_far(np.square(x), dt)), _same, "the root mean square"),
     "total": Reduction(
-        lambda x, dt: np.cumsum(x, axis=0) * dt, lambda d: None if d is None else d.times(_SECOND), "the integral over time"
+        lambda x, dt: np.cumsum(np.nan_to_num(x), axis=0) * dt, lambda d: None if d is None else d.times(_SECOND), "the integral over time"
     ),
-    "first": Reduction(lambda x, _: np.full_like(x, x[0] if len(x) else np.nan), _same, "the first value"),
-    "last": Reduction(lambda x, _: x, _same, "the last value"),
+    "first": Reduction(_first_so_far, _same, "the first value"),
+    "last": Reduction(_last_so_far, _same, "the last value"),
     "duration": Reduction(
-        lambda x, dt: np.cumsum(x != 0, axis=0) * dt, lambda _: _SECOND, "how long a condition held"
+        lambda x, dt: np.cumsum(_holds(x), axis=0) * dt, lambda _: _SECOND, "how long a condition held"
     ),
     "count": Reduction(lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: _PLAIN, "how often a condition began to hold"),
     "time_of": Reduction(_first_time, lambda _: _SECOND, "when a condition held first"),
@@ -95,9 +111,11 @@ REDUCTIONS: Mapping[str, Reduction] = {
 _CONDITIONAL = frozenset({"duration", "count", "time_of"})
 _FUNCTIONS: Mapping[str, tuple[int, int]] = {
     **{name: (1, 1) for name in REDUCTIONS},
-    "max": (1, 2),
-    "min": (1, 2),
+    "max": (1, 50),
+    "min": (1, 50),
     "outside": (1, 3),
+    "after": (2, 2),
+    "between": (3, 3),
 }
 
 
@@ -214,14 +232,16 @@ class Formula:
             "max": partial(_either, "max", track),
             "min": partial(_either, "min", track),
         }
+        time = (track.first + np.arange(1, track.ticks + 1)) * track.step_s
+        time = time.reshape(-1, *(1,) * (len(track.shape) - 1))
+        functions["after"] = lambda x, start: np.where(time > start, x, np.nan)
+        functions["between"] = lambda x, start, end: np.where((time > start) & (time <= end), x, np.nan)
         if firsts is not None:
             functions["first"] = _First(track, firsts)
         values: dict[str, Any] = {name: track.values(name) for name in self.channels}
-        time = (track.first + np.arange(1, track.ticks + 1)) * track.step_s
         flag = np.zeros(track.ticks)
         flag[-1:] = track.ended
-        column = (slice(None), *(np.newaxis,) * (len(track.shape) - 1))
-        values |= {TIME: time[column], ENDED: flag[column]}
+        values |= {TIME: time, ENDED: flag.reshape(time.shape)}
         with np.errstate(all="ignore"):
             found = _with_bounds(self.tree, track, values).evaluate(values, functions)
         return np.broadcast_to(np.asarray(found, dtype=np.float64), track.shape)
@@ -337,9 +357,17 @@ def parse_measure(text: str, units: Mapping[str, Unit], bounded: Iterable[str] =
     shown, extra = _checked(tree, dimensions | placeholders, set(bounded))
     unknown = [name for name in references if name not in units]
     dimension = None if unknown else dimension_of(shown, dimensions | placeholders | extra)
-    unit = parse_unit("1") if dimension is None else dimension.fixed.si_unit
+    unit = parse_unit("1") if dimension is None else _unit_like(dimension.fixed, tree, units)
     used = tuple(name for name in sorted(tree.names()) if name not in {TIME, ENDED})
     return Formula(text, tree, unit, _is_condition(tree), used, tuple(references.values()))
+
+
+def _unit_like(dimension: Dimension, tree: Expression, units: Mapping[str, Unit]) -> Unit:
+    """The SI unit as a channel of the expression has it, such as N*m, which is more familiar than base units."""
+    for name in sorted(tree.names()):
+        if name in units and units[name].dimension == dimension and units[name].scale == 1:
+            return units[name]
+    return dimension.si_unit
 
 
 def _named(tree: Expression, references: dict[str, Call]) -> Expression:
@@ -389,6 +417,12 @@ def _checked(
                 for other in inner[1:]:
                     alike = Call("max", (alike, other), offset=part.offset)
                 return stand_in(part, known(alike))
+            case Call(function="after" | "between", arguments=(argument, *times)):
+                for each in times:
+                    if known(walk(each)) not in {None, _SECOND}:
+                        message = f"found '{part}'; allowed: times there, such as after({argument}, 2 s)"
+                        raise ExpressionError(message, each.offset)
+                return stand_in(part, known(walk(argument)))
             case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
                 inside = walk(argument)
                 if function in _CONDITIONAL and not _is_condition(argument):
@@ -415,7 +449,7 @@ def _is_condition(tree: Expression) -> bool:
             return True
         case Call(function="where", arguments=(_, then, otherwise)):  # what and, or and not are read as
             return all(_is_condition(each) or _is_truth(each) for each in (then, otherwise))
-        case Call(function="last" | "first", arguments=(argument,)):
+        case Call(function="last" | "first" | "after" | "between", arguments=(argument, *_)):
             return _is_condition(argument)
     return False
 

@@ -11,7 +11,18 @@ import numpy as np
 
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.control import Array
-from circuitkit.draw.style import CYCLE, DASHES, GREY, INK, NORMAL, PALE, house_style, new_figure, save_figure, tidy
+from circuitkit.draw.style import (
+    CYCLE,
+    DASHES,
+    GREY,
+    INK,
+    NORMAL,
+    PALE,
+    house_style,
+    new_figure,
+    save_figure,
+    tidy,
+)
 from circuitkit.draw.traces import Activity, Line, Panel, Span, traces_figure
 from circuitkit.simulation.run import Result
 from circuitkit.simulation.summary import RunSummary, summarise

@@ -40,6 +40,7 @@ class Motion:
         columns: What is recorded beside them, T values each, such as the number of a step.
         knowledge: What controllers that are made for this reference may read.
         pace_s: Time after which the reference repeats itself; 0 if it does not.
+        start_act: States of actuators at the start; those of the robot file if None; shape (na,).
     """
 
     targets: Array
@@ -48,6 +49,7 @@ class Motion:
     columns: Mapping[str, Array] = field(default_factory=dict)
     knowledge: Any = None
     pace_s: float = 0.0
+    start_act: Array | None = None
 
 
 class Reference:

@@ -6,7 +6,7 @@ import ast
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from functools import partial, reduce
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -46,7 +46,11 @@ _DOTTED = re.compile(r"[^\W\d]\w*(?:\.[^\W\d]\w*)+")
 _ZERO, _ONE = Number(0.0), Number(1.0)
 Arities: TypeAlias = Mapping[str, tuple[int, int]]  # smallest and largest number of arguments, by name
 _NOTHING: Arities = MappingProxyType({})
-_ARITIES: Arities = {name: (arity, arity) for name, arity in FUNCTION_ARITY.items()}
+_OF_ANY_NUMBER = frozenset({"max", "min"})  # max(a, b, c) is max(max(a, b), c)
+_MOST_ARGUMENTS = 50
+_ARITIES: Arities = {
+    name: (arity, _MOST_ARGUMENTS if name in _OF_ANY_NUMBER else arity) for name, arity in FUNCTION_ARITY.items()
+}
 
 
 def parse_expression(
@@ -208,7 +212,10 @@ def _convert_joint(
         case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
             _require_function(function, len(arguments), source, at)
             convert = partial(_literal, source=source) if function in source.references else inside
-            return Call(function, tuple(convert(argument) for argument in arguments), offset=at)
+            read = [convert(argument) for argument in arguments]
+            if function in _OF_ANY_NUMBER and len(read) > FUNCTION_ARITY[function]:
+                return reduce(lambda one, more: Call(function, (one, more), offset=at), read)
+            return Call(function, tuple(read), offset=at)
     return None
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import get_args
 
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.units import DIMENSIONLESS, Quantity, parse_unit
 from circuitkit.circuit.graph import Timing
+from circuitkit.circuit.parts import Part
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import FileSpec
@@ -46,8 +48,11 @@ def read_header(scope: Scope) -> Header | None:
             scope.errors.append(main.problem(("control_step",), message))
     substeps = whole_number(scope, "substeps", 1, 1)
     seed = whole_number(scope, "seed", 0, 0)
+    finest = substeps
     for each in scope.everything():
-        _compare(scope, each, step, substeps)
+        _compare(scope, each, step)
+        finest = None if finest is None else max(finest, *_substeps_within(scope, each))
+    substeps = substeps if scope.is_given(main, ("substeps",)) else finest
     _require_sections(scope)
     if timing is None or step is None or substeps is None or seed is None:
         return None
@@ -81,28 +86,37 @@ def whole_number(scope: Scope, key: str, absent: int, least: int) -> int | None:
     return int(quantity.value_si)
 
 
-def _compare(root: Scope, scope: Scope, step: Quantity | None, substeps: int | None) -> None:
-    """Complain about included files that are made for another timing, control step or number of substeps."""
-    wanted: dict[str, Quantity | None] = {
-        "control_step": step,
-        "substeps": None if substeps is None else Quantity(float(substeps), DIMENSIONLESS),
-    }
+def _compare(root: Scope, scope: Scope, step: Quantity | None) -> None:
+    """Complain about included files that are made for another timing or control step."""
     timing = root.main.spec.timing
-    for part in scope.parts:
-        if part is root.parts[-1]:
-            continue
-        item: Item[FileSpec] = Item("", part.spec, part, ())
+    for part, item in _included(root, scope):
         if part.spec.timing not in {None, timing}:
             message = f"found {part.spec.timing}, but the file that includes this one has {timing}"
             scope.errors.append(item.problem(("timing",), f"{message}; allowed: the same"))
-        for key, whole in wanted.items():
-            value = getattr(part.spec, key)
-            if value is None or whole is None or key in root.findings.overrides:
-                continue
-            found = scope.value(item, (key,), value, _SECOND if key == "control_step" else DIMENSIONLESS)
-            if found is not None and found.value_si != whole.value_si:
-                message = f"found {found}, but the file that includes this one has {whole}; allowed: the same"
-                scope.errors.append(item.problem((key,), message))
+        value = part.spec.control_step
+        if value is None or step is None or "control_step" in root.findings.overrides:
+            continue
+        found = scope.value(item, ("control_step",), value, _SECOND)
+        if found is not None and found.value_si != step.value_si:
+            message = f"found {found}, but the file that includes this one has {step}; allowed: the same"
+            scope.errors.append(item.problem(("control_step",), message))
+
+
+def _substeps_within(root: Scope, scope: Scope) -> list[int]:
+    """Return the substeps that included files ask for: the whole circuit is stepped as finely as the finest."""
+    found = [1]
+    for part, item in _included(root, scope):
+        if part.spec.substeps is not None:
+            quantity = scope.value(item, ("substeps",), part.spec.substeps, DIMENSIONLESS)
+            if quantity is not None and quantity.value_si == int(quantity.value_si):
+                found.append(int(quantity.value_si))
+    return found
+
+
+def _included(root: Scope, scope: Scope) -> Iterator[tuple[Part, Item[FileSpec]]]:
+    for part in scope.parts:
+        if part is not root.parts[-1]:
+            yield part, Item("", part.spec, part, ())
 
 
 def _require_sections(scope: Scope) -> None:

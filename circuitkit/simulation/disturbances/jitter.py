@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Metres, MetresPerSecond, Radians, Seconds
@@ -32,11 +32,24 @@ class Jitter(Disturbance):
     velocity: MetresPerSecond = Field(
         default=0.0, ge=0, description="Standard deviation of the base's velocity at first, forward and sideways."
     )
-    position: Metres = Field(
-        default=0.0, ge=0, description="The base starts up to this much further forward, back, left or right."
+    position: Metres | tuple[Metres, Metres] = Field(
+        default=0.0,
+        description="The base starts up to this much further forward or back, left or right; one for both, or two.",
     )
     yaw: Radians = Field(default=0.0, ge=0, description="The base starts turned by up to this, to either side.")
     joints: Radians = Field(default=0.0, ge=0, description="Standard deviation of the joints' angles at first.")
+
+    @model_validator(mode="after")
+    def _not_negative(self) -> Jitter:
+        if min(self.reach_m) < 0:
+            message = f"position: found {min(self.reach_m):g} m; allowed: 0 or more"
+            raise ValueError(message)
+        return self
+
+    @property
+    def reach_m(self) -> tuple[float, float]:
+        """How far the base may start from its place, forward and to the left."""
+        return self.position if isinstance(self.position, tuple) else (self.position, self.position)
 
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
         """Draw the shift of the pushes and the start of each robot."""
@@ -46,7 +59,7 @@ class Jitter(Disturbance):
             effects.shift_s[i] = random.uniform(-self.start, self.start)
             velocity[i] = random.normal(0.0, self.velocity, 2)
         base = _Base(effects.robot)
-        if (self.velocity or self.position) and not base.dofs:
+        if (self.velocity or any(self.reach_m)) and not base.dofs:
             message = "the robot has no base that can move; allowed: a jitter of joints"
             raise InputError(Problem("", 0, 0, where, message))
         if self.yaw and base.turn is None and base.free is None:
@@ -54,7 +67,7 @@ class Jitter(Disturbance):
             raise InputError(Problem("", 0, 0, f"{where}.yaw", message))
         if self.velocity:
             effects.at_once.append(lambda worlds: base.kick(worlds, velocity))
-        if self.position or self.yaw or self.joints:
+        if any(self.reach_m) or self.yaw or self.joints:
             self._place(effects, robots, base)
 
     def _place(self, effects: Effects, robots: Sequence[int], base: _Base) -> None:
@@ -64,7 +77,7 @@ class Jitter(Disturbance):
         bent = np.zeros((effects.batch, len(hinges)))
         for i in robots:
             random = effects.generator(i, _STREAM)
-            moved[i] = random.uniform(-self.position, self.position, 2)
+            moved[i] = random.uniform(-1.0, 1.0, 2) * self.reach_m
             turned[i] = random.uniform(-self.yaw, self.yaw)
             bent[i] = random.normal(0.0, self.joints, len(hinges))
         places = effects.robot.model.jnt_qposadr[hinges]
