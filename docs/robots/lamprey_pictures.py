@@ -1,4 +1,4 @@
-"""Draws the pictures of lamprey.md: python docs/robots/lamprey_pictures.py, with MUJOCO_GL=egl where there is no screen."""
+"""Draws the pictures of lamprey.md; with MUJOCO_GL=egl where there is no screen."""
 
 from __future__ import annotations
 

@@ -34,7 +34,9 @@ def published(drive, theta, duration_s):
 
 def phases(program, states):
     """Of left and right in a row; shape (20,)."""
-    rows = [program.state_names.index(f"{side}[{i}].theta") for side in ("left", "right") for i in range(JOINTS)]
+    rows = [
+        program.state_names.index(f"{side}[{i}].theta") for side in ("left", "right") for i in range(JOINTS)
+    ]
     return states[..., rows]
 
 
