@@ -33,6 +33,7 @@ from circuitkit.robots import Robot, load_robot
 from circuitkit.robots.spec import robot_class, robot_path
 from circuitkit.simulation import Reference, Scenario
 from circuitkit.simulation.disturbances.fault import Fault
+from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.plan import BUILT_IN, CIRCUIT, OPEN_LOOP, Circuits, control_step, load_circuits
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import FOLDER, LONGEST_S, scenario_class
@@ -134,6 +135,7 @@ class CaseBuilder:
         with _collected(problems):
             if reference is not None and circuits is not None:
                 scenario = self._watched(scenario, reference.value, circuits, outer)
+                self._require_moments(scenario, reference.value, outer)
         if problems or robot is None or reference is None or controller is None or circuits is None:
             raise InputError(*problems)
         if inner["robot"]:
@@ -265,19 +267,24 @@ class CaseBuilder:
 
     @staticmethod
     def _ends(scenario: Scenario, reference: Reference) -> Iterator[float]:
-        """When each push ends."""
+        """When each push ends, [s]."""
         for k, each in enumerate(scenario.befalling):
-            if each not in scenario.pushes:
-                continue
-            push = next(push for push in scenario.pushes if push is each)
-            if not isinstance(push.start, Mapping):
-                yield float(push.start) + push.duration
-                continue
-            try:
-                yield _moment(reference, push.start) + push.duration
-            except InputError as error:
-                where = f"disturbances[{k}].push.start"
-                raise InputError(*(replace(problem, where=where) for problem in error.problems)) from error
+            if isinstance(each, Push):
+                yield _start_s(reference, each.start, k, each.kind, _HORIZONS_S) + each.duration
+
+    def _require_moments(self, scenario: Scenario, reference: Reference, changes: Sequence[Change]) -> None:
+        """See whether everything that starts at a moment of the reference does so before the end.
+
+        Raises:
+            InputError: There is no such moment.
+        """
+        for k, each in enumerate(scenario.befalling):
+            if isinstance(start := getattr(each, "start", None), Mapping):
+                try:
+                    with scenario.located("disturbances"):
+                        _start_s(reference, start, k, each.kind, (scenario.duration,))
+                except InputError as error:
+                    raise self._relocated(error, changes) from error
 
     def _robot(self, scenario: Scenario, outer: Sequence[Change], inner: Sequence[Change]) -> _File:
         """The robot file."""
@@ -470,17 +477,15 @@ class CaseBuilder:
         by_text = {place_text(change.at): change for change in changes}
         problems = []
         for problem in error.problems:
-            hits = [
-                change
-                for text, change in by_text.items()
-                if problem.file == self._base.path and problem.where.startswith(text)
-            ]
-            told = problem
-            if hits:
-                told = self._problem(hits[-1], problem.message, problem.hint)
-                rest = problem.where.removeprefix(place_text(hits[-1].at))
-                told = replace(told, where=f"{hits[-1].path}{rest}")
-            problems.append(told)
+            here = problem.file == self._base.path
+            hits = [text for text in by_text if here and _overlap(text, problem.where)]
+            if not hits:
+                problems.append(problem)
+                continue
+            change = by_text[hits[-1]]
+            inner = problem.where.removeprefix(hits[-1]) if problem.where.startswith(hits[-1]) else ""
+            told = self._problem(change, problem.message, problem.hint)
+            problems.append(replace(told, where=f"{change.path}{inner}"))
         return InputError(*problems)
 
     def _problem(self, change: Change, message: str, hint: str = "", *, is_name: bool = False) -> Problem:
@@ -520,14 +525,28 @@ def _has_push(data: Mapping[str, Any]) -> bool:
     return any("push" in item for item in data.get("disturbances") or () if isinstance(item, dict))
 
 
-def _moment(reference: Reference, where: Mapping[str, Any]) -> float:
-    """When a moment of a reference is, [s]; short runs are tried first, for their plans are made faster."""
-    for horizon_s in _HORIZONS_S[:-1]:
+def _start_s(reference: Reference, start: Any, number: int, kind: str, horizons_s: Sequence[float]) -> float:  # noqa: ANN401 - as files have it
+    """When a disturbance starts, [s]: at a time, or at a moment of the reference.
+
+    Args:
+        reference: Knows moments.
+        start: The time, or the words of the moment.
+        number: Of the disturbance, for complaints.
+        kind: Of the disturbance, for complaints.
+        horizons_s: Ends of the runs in which it is looked for, one after the other: short ones are planned faster.
+
+    Raises:
+        InputError: There is no such moment.
+    """
+    if not isinstance(start, Mapping):
+        return float(start)
+    for horizon_s in horizons_s:
         try:
-            return reference.moment(where, horizon_s).time_s
-        except InputError:
-            continue
-    return reference.moment(where, _HORIZONS_S[-1]).time_s
+            return reference.moment(start, horizon_s).time_s
+        except InputError as error:
+            problems = error.problems
+    where = f"disturbances[{number}].{kind}"
+    raise InputError(*(replace(each, where=f"{where}.{each.where}") for each in problems))
 
 
 @contextmanager
@@ -537,6 +556,12 @@ def _collected(problems: list[Problem]) -> Iterator[None]:
         yield
     except InputError as error:
         problems += error.problems
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether one place is in the other."""
+    short, long = sorted((one, other), key=len)
+    return long.startswith(short) and long[len(short) : len(short) + 1] in {"", ".", "["}
 
 
 def _changed(changes: Sequence[Change]) -> str:

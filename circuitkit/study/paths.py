@@ -95,7 +95,8 @@ def put_into_scenario(data: Data, change: Change) -> list[Change]:
         return [change]
     if head not in DISTURBANCES.kinds:
         names = [*keys, *DISTURBANCES.kinds]
-        message = f"unknown field '{head}'; allowed: {listing(names)}"
+        kinds = f"a kind of disturbance: {listing(DISTURBANCES.kinds)}"
+        message = f"unknown field '{head}'; allowed: {listing(keys)}, or {kinds}"
         raise PathError(message, suggest(str(head), names))
     return _put_disturbance(data, str(head), change)
 

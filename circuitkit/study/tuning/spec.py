@@ -298,8 +298,8 @@ def _values(runs: tuple[Runs, ...], field: str) -> dict[object, str]:
     """The values of a field in sets of runs as texts, by what is equal for equal ones (0.1 s and 100 ms)."""
     values: dict[object, str] = {}
     for each in runs:
-        for case in each.cases:
-            found = {**each.study.file.set, **case.settings}
+        for condition in each.conditions:
+            found = {**each.study.file.set, **condition.settings}
             if field in found:
                 text = str(found[field])
                 values.setdefault(_comparable(text), text)
