@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit import compile_circuit, load_circuit, run
-from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
 from circuitkit.biped.gait.lipm import natural_frequency
+from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
 from circuitkit.simulation.disturbance import Trial
 from circuitkit.simulation.loop import run_loop
 from circuitkit.study import load_study
