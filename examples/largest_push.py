@@ -15,8 +15,8 @@ study = load_study("fig11").with_(
         "watch": "2 s",
         "axes": {
             "contender": ["open_loop", "binn_capture"],
-            "pushes[0].direction": ["outward"],
-            "pushes[0].duration": ["0.2 s"],
+            "push.direction": ["outward"],
+            "push.duration": ["0.2 s"],
         },
         "seeds": {"count": 2},
         "search": {"high": "16 N", "step": "2 N", "check_below": 0},

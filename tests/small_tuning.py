@@ -18,7 +18,7 @@ parameters: {w: -0.5 deg, leak: 4 %, margin: 4 mm, one_foot: 0.9}
 SMALL = """\
 study: small
 scenario: nao_push
-set: {gait: gait_march, "pushes[0].start.step": 4, "pushes[0].direction": outward}
+set: {reference.gait: gait_march, push.start.step: 4, push.direction: outward}
 watch: 1 s
 tune:
   circuit: base.yaml
@@ -31,9 +31,9 @@ tune:
     - {figure: rms_ankle_roll, runs: calm, weight: -0.2, unit: deg, beyond: 0.1 deg}
   runs:
     pushed:
-      axes: {"pushes[0].force": [10 N]}
-      scale: {"pushes[0].force": [60 %, 90 %, 120 %]}
-    calm: {set: {pushes: [], duration: 3 s}}
+      axes: {push.force: [10 N]}
+      scale: {push.force: [60 %, 90 %, 120 %]}
+    calm: {set: {push: [], duration: 3 s}}
   train: {seeds: {first: 100, count: 1}}
   test: {seeds: {first: 0, count: 1}}
   sampler: tpe

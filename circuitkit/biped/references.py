@@ -19,11 +19,11 @@ from circuitkit.biped.dynamics import BodyDynamics, generalised_positions, servo
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
 from circuitkit.biped.gait.pattern import plan_stand
 from circuitkit.biped.gait.schedule import Schedule, plan_steps
-from circuitkit.biped.gait.spec import Lift, Window, ZmpReference
+from circuitkit.biped.gait.spec import FOLDER, Lift, Window, ZmpReference
 from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel
-from circuitkit.simulation.reference import Moment, Motion, Reference
+from circuitkit.simulation.reference import Moment, Motion, NumbersFile, Reference
 from circuitkit.simulation.scenario import beside as file_beside
 
 
@@ -40,6 +40,7 @@ class GaitReference(Reference):
 
     kind: ClassVar[str] = "gait"
     settings = str
+    file = NumbersFile(FOLDER, GaitSpec)
 
     def __init__(self, gait: GaitSpec) -> None:
         """Take the numbers of a walk."""

@@ -26,6 +26,7 @@ from circuitkit.base.source import (
     data_folder,
     describe,
     read_yaml,
+    unfilled,
     validate_model,
 )
 from circuitkit.base.source.fields import Damping, NewtonMetres, Seconds, Stiffness
@@ -176,6 +177,10 @@ class Robot(FileModel):
     commands: Mapping[str, CommandSpec] = Field(default={}, description="What can be written.")
 
     _document: Document = PrivateAttr(default=Document("", None, {}))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by the function that makes the class."""
+        return unfilled, (robot_class,), self.__getstate__()
 
     @model_validator(mode="after")
     def _known_profile(self) -> Robot:

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.registry import Registry
-from circuitkit.base.source import FileModel, describe
+from circuitkit.base.source import FileModel, describe, unfilled
 from circuitkit.base.source.fields import Seconds
 from circuitkit.base.units import UnitError, parse_quantity
 from circuitkit.control import Array
@@ -106,6 +106,10 @@ class _OneOf(FileModel):
         """What it holds."""
         found: Disturbance = getattr(self, next(iter(self.model_fields_set)))
         return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by the function that makes the class."""
+        return unfilled, (item_class,), self.__getstate__()
 
 
 @cache

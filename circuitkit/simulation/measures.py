@@ -15,7 +15,7 @@ from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import Dimension, Unit, parse_unit
-from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension, dimension_of
+from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension, dimension_of, named_symbol
 from circuitkit.circuit.expressions.expression import (
     COMPARISONS,
     Binary,
@@ -367,7 +367,7 @@ def _unit_like(dimension: Dimension, tree: Expression, units: Mapping[str, Unit]
     for name in sorted(tree.names()):
         if name in units and units[name].dimension == dimension and units[name].scale == 1:
             return units[name]
-    return dimension.si_unit
+    return parse_unit(named_symbol(dimension))
 
 
 def _named(tree: Expression, references: dict[str, Call]) -> Expression:

@@ -276,7 +276,7 @@ def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | 
     robot_file = robot_of(scenario)
     with scenario.located("robot"):
         robot = build_model(robot_file)
-    step_s = _control_step(scenario, reference, circuit)
+    step_s = control_step(scenario, reference, circuit)
     ticks = round(scenario.duration / step_s)
     with scenario.located("duration"):
         if ticks == 0:
@@ -324,7 +324,12 @@ def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -
     return made
 
 
-def _control_step(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> float:
+def control_step(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> float:
+    """The control step of a scenario: its own, else that of its reference, else that of its circuit; [s].
+
+    Raises:
+        InputError: None of them has one.
+    """
     if scenario.control_step is not None:
         return scenario.control_step
     if reference.step_s is not None:

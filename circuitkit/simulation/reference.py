@@ -10,7 +10,7 @@ import numpy as np
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.registry import Registry
-from circuitkit.base.source import Document
+from circuitkit.base.source import Document, FileModel
 from circuitkit.control import Array, PlannedChannel
 from circuitkit.robots import RobotModel
 
@@ -52,18 +52,34 @@ class Motion:
     start_act: Array | None = None
 
 
+@dataclass(frozen=True)
+class NumbersFile:
+    """A kind of file that a reference is made from.
+
+    Attributes:
+        folder: Where shipped ones lie, such as `sims/gaits`.
+        model: What such a file says.
+    """
+
+    folder: str
+    model: type[FileModel]
+
+
 class Reference:
     """Base of all references; this one holds the robot's start, as its file or keyframe says.
 
     Attributes:
         kind: The key in a scenario, as in `reference: {key: home}`.
         settings: Type of what stands behind the key.
+        file: Where a file stands behind the key: what it says; the reference is then made by `cls(model)`, so
+            that studies can change fields of the file. None where the settings stand in the scenario itself.
         name: For titles and messages.
         step_s: The control step that it was made for; None if any will do.
     """
 
     kind: ClassVar[str]
     settings: ClassVar[Any]
+    file: ClassVar[NumbersFile | None] = None
     name: str = "hold"
     step_s: float | None = None
 

@@ -19,6 +19,7 @@ from circuitkit.base.source import (
     find_data_file,
     place_text,
     read_yaml,
+    unfilled,
     validate_model,
 )
 from circuitkit.base.source.fields import Seconds
@@ -52,6 +53,10 @@ class _ReferenceItem(FileModel):
             raise ValueError(message)
         return self
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by the function that makes the class."""
+        return unfilled, (reference_class,), self.__getstate__()
+
 
 class _Measures(FileModel):
     """Base of `measures`: expressions by name, and kinds of measures with their settings."""
@@ -59,18 +64,34 @@ class _Measures(FileModel):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, str] = Field(init=False)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by the function that makes the class."""
+        return unfilled, (measures_class,), self.__getstate__()
+
+
+@cache
+def reference_class() -> type[_ReferenceItem]:
+    """A model with a key for each kind of reference."""
+    fields: dict[str, Any] = {
+        kind: (made.settings | None, Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]))
+        for kind, made in REFERENCES.kinds.items()
+    }
+    return create_model("Reference", __base__=_ReferenceItem, **fields)
+
+
+@cache
+def measures_class() -> type[_Measures]:
+    """A model that takes expressions by any name, and has a key for each kind of measure."""
+    fields: dict[str, Any] = {kind: (made | None, None) for kind, made in MEASURES.kinds.items()}
+    return create_model("Measures", __base__=_Measures, **fields)
+
 
 @cache
 def scenario_class() -> type[Scenario]:
     """`Scenario` with the kinds of disturbances, references and measures that are registered."""
-    references: dict[str, Any] = {
-        kind: (made.settings | None, Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]))
-        for kind, made in REFERENCES.kinds.items()
-    }
-    measures: dict[str, Any] = {kind: (made | None, None) for kind, made in MEASURES.kinds.items()}
     item: Any = item_class()
-    reference: Any = create_model("Reference", __base__=_ReferenceItem, **references)
-    measure: Any = create_model("Measures", __base__=_Measures, **measures)
+    reference: Any = reference_class()
+    measure: Any = measures_class()
     fields: dict[str, Any] = {
         "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
         "disturbances": (tuple[item, ...], Field(default=(), description="What befalls the robot, in order.")),
@@ -145,6 +166,10 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     seed: int = Field(default=0, ge=0)
 
     _document: Document = PrivateAttr(default=Document("", None, {}))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle by the function that makes the class."""
+        return unfilled, (scenario_class,), self.__getstate__()
 
     @model_validator(mode="after")
     def _takes(self) -> Scenario:

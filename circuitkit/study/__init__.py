@@ -9,18 +9,20 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from circuitkit.study.driver import run_points, run_studies, sweep
+    from circuitkit.study.case_builder import CaseBuilder
+    from circuitkit.study.cases import Case
+    from circuitkit.study.driver import load_study, run_cases, run_studies, sweep
     from circuitkit.study.jobs import Outcome
-    from circuitkit.study.points import Point
     from circuitkit.study.pool import Pool, open_pool
     from circuitkit.study.results import Limit, Results, Share, read_results, wilson_interval
-    from circuitkit.study.spec import Cell, Study, load_study, make_study
+    from circuitkit.study.spec import Cell, Study, make_study, read_study
 
 __all__ = [
+    "Case",
+    "CaseBuilder",
     "Cell",
     "Limit",
     "Outcome",
-    "Point",
     "Pool",
     "Results",
     "Share",
@@ -29,19 +31,21 @@ __all__ = [
     "make_study",
     "open_pool",
     "read_results",
-    "run_points",
+    "read_study",
+    "run_cases",
     "run_studies",
     "sweep",
     "wilson_interval",
 ]
 
 _MODULES = {
+    "case_builder": "CaseBuilder",
+    "cases": "Case",
     "jobs": "Outcome",
-    "points": "Point",
     "pool": "Pool open_pool",
     "results": "Limit Results Share read_results wilson_interval",
-    "spec": "Cell Study load_study make_study",
-    "driver": "run_points run_studies sweep",
+    "spec": "Cell Study make_study read_study",
+    "driver": "load_study run_cases run_studies sweep",
 }
 _MODULE_OF_NAME = {name: module for module, names in _MODULES.items() for name in names.split()}
 

@@ -1,4 +1,4 @@
-"""Running studies: `sweep` to a folder, `run_studies` and `run_points` in memory."""
+"""Running studies: `sweep` to a folder, `run_studies` and `run_cases` in memory."""
 
 from __future__ import annotations
 
@@ -10,13 +10,29 @@ from pathlib import Path
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import OutputError
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.study.board import PointsByCell, Progress, Task, boundary_of, drive
+from circuitkit.simulation.disturbances.delay import Delay
+from circuitkit.simulation.disturbances.noise import Noise
+from circuitkit.study.case_builder import CaseBuilder
+from circuitkit.study.cases import Case
 from circuitkit.study.jobs import Job, Outcome, run_job
-from circuitkit.study.points import Point
 from circuitkit.study.pool import Pool, open_pool
 from circuitkit.study.results import Results, row_of
-from circuitkit.study.spec import Settings, Study
+from circuitkit.study.scheduler import CasesByCell, Progress, Task, boundary_of, drive
+from circuitkit.study.spec import Settings, Study, read_study
+
+
+def load_study(name_or_path: str | Path) -> Study:
+    """Read a study file, and check that the fields that it names exist and take these values.
+
+    Args:
+        name_or_path: A path, or the name of a shipped one such as `push_limits`.
+
+    Raises:
+        InputError: It cannot be read; says where and why.
+    """
+    study = read_study(name_or_path)
+    CaseBuilder(study).check()
+    return study
 
 
 def sweep(
@@ -54,9 +70,9 @@ def sweep(
     from circuitkit.study.store import Store
 
     store = Store(Path(folder))
-    points = PointsByCell(study)
-    known = store.begin(study, points.inputs(), resume=resume)
-    task = Task(study, points, known)
+    cases = CasesByCell(study)
+    known = store.begin(study, cases.inputs(), resume=resume)
+    task = Task(study, cases, known)
     workplace = nullcontext(pool) if pool is not None else open_pool(workers, scheduler)
     try:
         with workplace as used, _shown(progress, study.name) as tell:
@@ -92,14 +108,14 @@ def run_studies(
     Returns:
         The results of each study, or what keeps one of its cells from being run.
     """
-    tasks = [Task(study, PointsByCell(study), {}) for study in studies]
+    tasks = [Task(study, CasesByCell(study), {}) for study in studies]
     drive(tasks, pool, batch, progress)
     return [task.results() if task.error is None else task.error for task in tasks]
 
 
-def run_points(
+def run_cases(
     study: Study,
-    points: Sequence[Settings],
+    cases: Sequence[Settings],
     seeds: Iterable[int],
     pool: Pool,
     *,
@@ -110,18 +126,18 @@ def run_points(
 
     Args:
         study: Gives scenario, `set` and `watch`; its axes, seeds and search are left aside.
-        points: For each, fields by path that differ, such as `{"circuit.w": "-0.5 deg"}`.
-        seeds: Of every point.
+        cases: For each, fields by path that differ, such as `{"circuit.w": "-0.5 deg"}`.
+        seeds: Of every case.
         pool: The workers.
         batch: Runs that a worker steps together, at most.
         progress: Is told how many runs are done and how many there are.
 
     Returns:
-        In the order of the points: an outcome for each seed, or what keeps the point from being run.
+        In the order of the cases: an outcome for each seed, or what keeps the case from being run.
     """
     each = tuple(seeds)
     plain = study.with_({"axes": None, "search": None, "seeds": {"first": 0, "count": 1}})
-    tasks = [Task(plain, PointsByCell(plain, settings), {}, each) for settings in points]
+    tasks = [Task(plain, CasesByCell(plain, settings), {}, each) for settings in cases]
     drive(tasks, pool, batch, progress)
     found: list[tuple[Outcome, ...] | CircuitkitError] = []
     for task in tasks:
@@ -173,23 +189,24 @@ def estimate(study: Study) -> Estimate:
     Raises:
         InputError: Something of the study does not fit.
     """
-    points = PointsByCell(study)
-    task = Task(study, points, {})
-    durations = [points(cell, 0).scenario.duration for cell in range(len(study.cells))]
+    cases = CasesByCell(study)
+    task = Task(study, cases, {})
+    durations = [cases(cell, 0).scenario.duration for cell in range(len(study.cells))]
     runs = round(task.about() * len(study.cells))
     search = boundary_of(study)
     most = (search.most() if search else len(study.seeds)) * len(study.cells)
     runs = min(runs, most)  # the guess is for wide grids
     mean = sum(durations) / len(durations)
-    each = _seconds_a_second(points(0, 0))
+    each = _seconds_a_second(cases(0, 0))
     return Estimate(len(study.cells), runs, most, min(durations), max(durations), each * mean * runs)
 
 
-def _seconds_a_second(point: Point) -> float:
-    """Time that a second of one robot takes, [s]."""
-    short = replace(point, scenario=point.scenario.model_copy(update={"duration": _TIMED_S, "faults": ()}))
-    trials = tuple(Trial(seed, ()) for seed in range(_TIMED_ROBOTS))
-    job = Job(0, short, trials)
+def _seconds_a_second(case: Case) -> float:
+    """Time that a second of one robot takes, [s]; what befalls it late is left out."""
+    kept = tuple(each for each in case.scenario.befalling if isinstance(each, Noise | Delay))
+    scenario = case.scenario.with_disturbances(kept).model_copy(update={"duration": _TIMED_S})
+    short = replace(case, scenario=scenario)
+    job = Job(0, short, tuple(short.spec(seed) for seed in range(_TIMED_ROBOTS)))
     run_job(job)  # what is made once
     began = time.perf_counter()
     run_job(job)

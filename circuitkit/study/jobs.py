@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -11,14 +11,15 @@ import mujoco
 import numpy as np
 
 import circuitkit
-from circuitkit.base.errors import CircuitkitError
-from circuitkit.simulation import Plan, Push
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.run import PreparedWalk, prepare_walk
-from circuitkit.biped.thresholds import Judged, run_and_judge
-from circuitkit.study.points import Point
+from circuitkit.base.errors import CircuitkitError, UnknownNameError
+from circuitkit.simulation import Disturbance, Plan, RunSpec
+from circuitkit.simulation.loop import run_and_watch
+from circuitkit.simulation.measures import Value
+from circuitkit.simulation.plan import Body
+from circuitkit.study.cases import Case
 
-_KEPT_WALKS = 16  # robots with their walks that a worker keeps
+RMS = "rms_"  # what the columns of commands begin with
+_KEPT_BODIES = 16  # robots with their motions that a worker keeps
 
 
 @dataclass(frozen=True)
@@ -27,45 +28,52 @@ class Outcome:
 
     Attributes:
         seed: Its seed.
-        survived: Whether the robot stood at the end.
-        time_of_fall_s: When it fell; None if it did not.
-        max_zmp_excursion_m: How far the ZMP was outside the thresholds after the push began, at most.
-        recovery_time_s: From the first time outside to being back inside; None if never out or never back.
-        rms: Root mean square of every command of the controller up to the fall or the end, [SI unit].
+        values: The scenario's measures, and `rms_COMMAND`, the root mean square of every command of the
+            controller up to the end, [SI unit]; None for what has no value.
     """
 
     seed: int
-    survived: bool
-    time_of_fall_s: float | None
-    max_zmp_excursion_m: float
-    recovery_time_s: float | None
-    rms: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, Value]
+
+    @property
+    def survived(self) -> bool:
+        """Whether the robot got through."""
+        return self.holds("survived")
+
+    def holds(self, measure: str) -> bool:
+        """Whether a measure is true.
+
+        Raises:
+            UnknownNameError: There is no such measure; lists those there are.
+            CircuitkitError: It is a number.
+        """
+        if measure not in self.values:
+            kind = "measure"
+            raise UnknownNameError(kind, measure, (name for name in self.values if not name.startswith(RMS)))
+        value = self.values[measure]
+        if value is not None and not isinstance(value, bool):
+            message = f"found the measure '{measure}', which is a number; allowed: one that is true or false"
+            raise CircuitkitError(message)
+        return bool(value)
 
     def row(self) -> dict[str, Any]:
-        """The outcome as columns: those above, and `rms_COMMAND` for every command."""
-        columns = {
-            "seed": self.seed,
-            "survived": self.survived,
-            "time_of_fall_s": self.time_of_fall_s,
-            "max_zmp_excursion_m": self.max_zmp_excursion_m,
-            "recovery_time_s": self.recovery_time_s,
-        }
-        return columns | {f"rms_{name}": value for name, value in self.rms.items()}
+        """The outcome as columns."""
+        return {"seed": self.seed, **self.values}
 
 
 @dataclass(frozen=True)
 class Job:
-    """Runs of points that share everything but their pushes.
+    """Runs of cases that share everything but what may differ in a batch.
 
     Attributes:
         number: Tells it from others.
-        point: One of the points.
-        trials: The runs.
+        case: One of the cases.
+        specs: The runs.
     """
 
     number: int
-    point: Point
-    trials: tuple[Trial, ...]
+    case: Case
+    specs: tuple[RunSpec, ...]
 
 
 def versions() -> dict[str, str]:
@@ -83,7 +91,7 @@ class Done:
 
     Attributes:
         number: The job's.
-        outcomes: One for each trial, or what keeps that trial's point from being run.
+        outcomes: One for each run, or what keeps that run's case from being run.
         versions: Where it was done.
     """
 
@@ -95,62 +103,52 @@ class Done:
 def run_job(job: Job) -> Done:
     """Do a job with one thread.
 
-    A trial gets the same outcome, to the last bit, whatever the other trials of its job are.
+    A run gets the same outcome, to the last bit, whatever the other runs of its job are.
 
     Raises:
         KeyboardInterrupt: Ctrl-C came; nothing is kept.
     """
-    return Done(job.number, _outcomes(job.point, job.trials))
+    return Done(job.number, _outcomes(job.case, job.specs))
 
 
-def _outcomes(point: Point, trials: tuple[Trial, ...]) -> tuple[Outcome | CircuitkitError, ...]:
+def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | CircuitkitError, ...]:
     try:
-        plan = plan_of(point)
-        setup = plan.setup(point.controller, trials)
-        judged = run_and_judge(setup, plan.scenario.thresholds, threads=1)
+        plan = plan_of(case)
+        tracker = run_and_watch(plan.setup(plan.controller(case.controller), specs), threads=1)
     except CircuitkitError as error:
-        by_pushes: dict[tuple[Push, ...], None] = dict.fromkeys(trial.pushes for trial in trials)
-        if len(by_pushes) == 1:
-            return (error,) * len(trials)
-        found: dict[Trial, Outcome | CircuitkitError] = {}  # whose fault is it?
-        for pushes in by_pushes:
-            some = tuple(trial for trial in trials if trial.pushes == pushes)
-            found |= dict(zip(some, _outcomes(point, some), strict=True))
-        return tuple(found[trial] for trial in trials)
-    return tuple(_outcome(trial.seed, each) for trial, each in zip(trials, judged, strict=True))
+        kinds: list[tuple[Disturbance, ...]] = []
+        for spec in specs:
+            if spec.disturbances not in kinds:
+                kinds.append(spec.disturbances)
+        if len(kinds) == 1:
+            return (error,) * len(specs)
+        found: dict[int, Outcome | CircuitkitError] = {}  # whose fault is it?
+        for disturbances in kinds:
+            chosen = [i for i, spec in enumerate(specs) if spec.disturbances == disturbances]
+            some = _outcomes(case, tuple(specs[i] for i in chosen))
+            found |= dict(zip(chosen, some, strict=True))
+        return tuple(found[i] for i in range(len(specs)))
+    each = zip(specs, tracker.measures(), tracker.effort(), strict=True)
+    return tuple(Outcome(spec.seed, {**measures, **_named(effort)}) for spec, measures, effort in each)
 
 
-def _outcome(seed: int, judged: Judged) -> Outcome:
-    verdict = judged.verdict
-    return Outcome(
-        seed=seed,
-        survived=verdict.survived,
-        time_of_fall_s=None if verdict.time_of_fall_s is None else float(verdict.time_of_fall_s),
-        max_zmp_excursion_m=float(verdict.max_zmp_excursion_m),
-        recovery_time_s=None if verdict.recovery_time_s is None else float(verdict.recovery_time_s),
-        rms={name: float(value) for name, value in judged.rms.items()},
-    )
+def _named(effort: Mapping[str, float]) -> dict[str, float]:
+    return {f"{RMS}{name}": value for name, value in effort.items()}
 
 
-def plan_of(point: Point) -> Plan:
-    """The plan of a point; robots and walks are made once, as long as they are in use."""
-    scenario = point.scenario
-    used = scenario.model_dump(mode="json", include={"servo_profile", "plant", "duration"})
-    robot = tuple(said for name, said in point.inputs.items() if name.startswith("robot "))
-    body = _prepared(_Keyed((robot, str(used), point.gait), lambda: prepare_walk(scenario, point.gait)))
-    return Plan(
-        scenario, body.robot, body.walk, body.targets, point.circuit, point.yardstick, plant=body.plant
-    )
+def plan_of(case: Case) -> Plan:
+    """The plan of a case; robots and their motions are made once, as long as they are in use."""
+    return case.plan(_body(_Keyed(case.body_key, lambda: case.plan().body)))
 
 
 @dataclass(frozen=True)
 class _Keyed:
     """How to make something, and what it depends on."""
 
-    key: Hashable
-    make: Callable[[], PreparedWalk] = field(compare=False)
+    key: str
+    make: Callable[[], Body] = field(compare=False)
 
 
-@lru_cache(maxsize=_KEPT_WALKS)
-def _prepared(wanted: _Keyed) -> PreparedWalk:
+@lru_cache(maxsize=_KEPT_BODIES)
+def _body(wanted: _Keyed) -> Body:
     return wanted.make()

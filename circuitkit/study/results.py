@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import circuitkit
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.units import parse_quantity
-from circuitkit.study.search import allowed_falls, boundary
+from circuitkit.study.search import allowed_failures, boundary
 from circuitkit.study.spec import Cell, Label, Study
 
 if TYPE_CHECKING:
     import pyarrow
 
     from circuitkit.study.jobs import Outcome
-    from circuitkit.study.points import Point
+    from circuitkit.study.cases import Case
 
 Row = Mapping[str, Any]
 
@@ -105,13 +105,13 @@ class Run:
     Attributes:
         cell: Number of the cell.
         index: Number of the searched value on its grid; 0 without search.
-        point: What was run.
+        case: What was run.
         outcome: What became of it.
     """
 
     cell: int
     index: int
-    point: Point
+    case: Case
     outcome: Outcome
 
 
@@ -161,20 +161,20 @@ class Results:
     def _limit(self, cell: Cell, rows: Sequence[Row], values: Mapping[float, int]) -> Limit:
         search = self.study.search
         assert search is not None
-        stood: dict[int, list[bool]] = {}
+        held: dict[int, list[bool]] = {}
         for row in rows:
-            stood.setdefault(values[row[search.field]], []).append(row["survived"])
+            held.setdefault(values[row[search.field]], []).append(bool(row[search.condition]))
         seeds = len(self.study.seeds)
-        most = allowed_falls(seeds, search.survive)
+        most = allowed_failures(seeds, search.survive)
         holds = {}
-        for index, ups in stood.items():
+        for index, ups in held.items():
             if ups.count(False) > most:
                 holds[index] = False
             elif len(ups) == seeds:
                 holds[index] = True
         low, high = boundary(holds, search.count)
         shown = max(low, 0)
-        up = stood.get(shown, [])
+        up = held.get(shown, [])
         amounts = {i: value for value, i in values.items()}
         return Limit(
             labels=cell.labels,
@@ -192,18 +192,18 @@ class Results:
         amounts = {i: value for value, i in values.items()}
         ends = []
         for seed in self.study.seeds:
-            mine = {values[row[search.field]]: row["survived"] for row in rows if row["seed"] == seed}
+            mine = {values[row[search.field]]: bool(row[search.condition]) for row in rows if row["seed"] == seed}
             ends.append(boundary(mine, search.count))
         each = tuple(amounts[low] if low >= 0 else 0.0 for low, _ in ends)
-        stood = sum(low >= 0 for low, _ in ends)
+        held = sum(low >= 0 for low, _ in ends)
         first = min(high for _, high in ends)
         return Limit(
             labels=cell.labels,
             texts=cell.texts,
             largest=min(each),
-            survived=stood,
+            survived=held,
             runs=len(each),
-            interval=wilson_interval(stood, len(each)),
+            interval=wilson_interval(held, len(each)),
             fails_at=amounts[first] if first < search.count else None,
             each=each,
         )
@@ -258,9 +258,9 @@ def row_of(study: Study, run: Run) -> dict[str, Any]:
         row
         | run.outcome.row()
         | {
-            "scenario": run.point.description(seed),
+            "scenario": run.case.description(seed),
             "version": circuitkit.__version__,
-            "key": run.point.run_key(seed),
+            "key": run.case.run_key(seed),
         }
     )
 

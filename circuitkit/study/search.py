@@ -1,7 +1,7 @@
 """What is run next: a plain grid, or bisection for a boundary; one decides for each cell by itself.
 
-Each is a generator: it yields the runs that it wants, gets whether they stood, and ends when it knows enough.
-What it wants depends on nothing else, so the same runs are made whatever the workers do first.
+Each is a generator: it yields the runs that it wants, gets for which of them the condition held, and ends when it
+knows enough. What it wants depends on nothing else, so the same runs are made whatever the workers do first.
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 # A run of a cell: number of the searched value on its grid (0 without search), and the seed.
-Wanted: TypeAlias = tuple[int, int]
-Asker: TypeAlias = Generator[list[Wanted], Mapping[Wanted, bool], None]
+Request: TypeAlias = tuple[int, int]
+Strategy: TypeAlias = Generator[list[Request], Mapping[Request, bool], None]
 
 FIRST_SEEDS = 4  # so many seeds are run first; the others only where these leave a hope
 
 
-def grid_runs(seeds: Sequence[int]) -> Asker:
+def grid_runs(seeds: Sequence[int]) -> Strategy:
     """All seeds of a cell without search."""
     yield [(0, seed) for seed in seeds]
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """A search for the largest value that is survived.
+    """A search for the largest value for which the condition holds.
 
     Attributes:
         count: Values 0 to count - 1 are on the grid.
         seeds: Those that are run.
-        survive: Share of them that must stand.
+        survive: Share of them for which it must hold.
         check_below: How many values below the boundary must hold as well.
     """
 
@@ -40,11 +40,11 @@ class Boundary:
     check_below: int
 
     @property
-    def may_fall(self) -> int:
-        """How many seeds may fall."""
-        return allowed_falls(len(self.seeds), self.survive)
+    def may_fail(self) -> int:
+        """For how many seeds it may fail."""
+        return allowed_failures(len(self.seeds), self.survive)
 
-    def runs(self) -> Asker:
+    def runs(self) -> Strategy:
         """Ask for runs until the boundary is known.
 
         Between a value that holds and one that does not, the middle is tried. Where they are neighbours, the
@@ -64,18 +64,18 @@ class Boundary:
 
     def _probe(
         self, values: Sequence[int]
-    ) -> Generator[list[Wanted], Mapping[Wanted, bool], dict[int, bool]]:
+    ) -> Generator[list[Request], Mapping[Request, bool], dict[int, bool]]:
         """Whether values hold; some seeds of each first, the rest where it still may."""
         first, rest = self.seeds[:FIRST_SEEDS], self.seeds[FIRST_SEEDS:]
-        stood = dict((yield [(value, seed) for value in values for seed in first]))
-        going = [value for value in values if self._falls(stood, value) <= self.may_fall]
+        held = dict((yield [(value, seed) for value in values for seed in first]))
+        going = [value for value in values if self._failures(held, value) <= self.may_fail]
         if going and rest:
-            stood |= yield [(value, seed) for value in going for seed in rest]
-        return {value: self._falls(stood, value) <= self.may_fall for value in values}
+            held |= yield [(value, seed) for value in going for seed in rest]
+        return {value: self._failures(held, value) <= self.may_fail for value in values}
 
     @staticmethod
-    def _falls(stood: Mapping[Wanted, bool], value: int) -> int:
-        return sum(not up for (index, _), up in stood.items() if index == value)
+    def _failures(held: Mapping[Request, bool], value: int) -> int:
+        return sum(not up for (index, _), up in held.items() if index == value)
 
     def about(self) -> float:
         """How many runs a search takes, about: half of the values that are tried do not hold."""
@@ -90,7 +90,7 @@ class Boundary:
 
 @dataclass(frozen=True)
 class EachBoundary:
-    """A search for the largest value that each seed survives, in the same rounds for all.
+    """A search for the largest value for which it holds with each seed, in the same rounds for all.
 
     Attributes:
         count: Values 0 to count - 1 are on the grid.
@@ -100,14 +100,14 @@ class EachBoundary:
     count: int
     seeds: Sequence[int]
 
-    def runs(self) -> Asker:
+    def runs(self) -> Strategy:
         """Ask for runs until the boundary of every seed is known, each by bisection."""
         holds: dict[int, dict[int, bool]] = {seed: {} for seed in self.seeds}
         while wanted := list(self._middles(holds)):
             for (index, seed), up in (yield wanted).items():
                 holds[seed][index] = up
 
-    def _middles(self, holds: Mapping[int, Mapping[int, bool]]) -> Iterator[Wanted]:
+    def _middles(self, holds: Mapping[int, Mapping[int, bool]]) -> Iterator[Request]:
         for seed, known in holds.items():
             low, high = boundary(known, self.count)
             if high - low > 1:
@@ -122,8 +122,8 @@ class EachBoundary:
         return math.ceil(math.log2(self.count + 1)) * len(self.seeds)
 
 
-def allowed_falls(seeds: int, survive: float) -> int:
-    """How many of the seeds may fall where a share must stand."""
+def allowed_failures(seeds: int, survive: float) -> int:
+    """For how many of the seeds it may fail where it must hold for a share."""
     return seeds - math.ceil(survive * seeds - 1e-9)
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from decimal import Decimal
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TypeAlias
+from typing import Annotated, Any, Literal, NoReturn, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError, listing, suggest
 from circuitkit.base.source import (
@@ -26,15 +26,11 @@ from circuitkit.base.source import (
 from circuitkit.base.source.fields import Ratio, Seconds
 from circuitkit.base.units import Quantity, Unit, parse_quantity
 
-if TYPE_CHECKING:
-    from circuitkit.study.point_maker import PointMaker
-    from circuitkit.study.points import Point
-
 FOLDER = "sims/studies"
 
 # A value of an axis: as in the file, or in SI units where it has one.
 Label: TypeAlias = "str | int | float | bool | None"
-# What is changed: fields by path, such as {"pushes[0].force": "20 N"}.
+# What is changed: fields by path, such as {"push.force": "20 N"}.
 Settings: TypeAlias = Mapping[str, Any]
 
 
@@ -73,9 +69,11 @@ class Seeds(FileModel):
 
 
 class Search(FileModel):
-    """The largest value of a field that is survived, on a grid from `low` to `high`."""
+    """The largest value of a field for which a condition holds, on a grid from `low` to `high`."""
 
-    field: str = Field(description="Path of the field that is searched, such as pushes[0].force.")
+    model_config = ConfigDict(populate_by_name=True)
+
+    field: str = Field(description="Path of the field that is searched, such as push.force.")
     low: Amount = Field(description="Smallest value.")
     high: Amount = Field(description="Largest value.")
     step: Amount = Field(description="Distance of two values of the grid.")
@@ -83,7 +81,12 @@ class Search(FileModel):
         default="all_seeds",
         description="Whose boundary: of the seeds together, or of each by itself, for means over seeds.",
     )
-    survive: Ratio = Field(default=1.0, gt=0, le=1, description="Share of the seeds that must stand.")
+    condition: str = Field(
+        default="survived", alias="while", description="The measure that must be true of a run."
+    )
+    survive: Ratio = Field(
+        default=1.0, gt=0, le=1, description="Share of the seeds for which the condition must hold."
+    )
     check_below: int = Field(
         default=3, ge=0, description="How many values below the boundary are tried as well."
     )
@@ -270,39 +273,6 @@ class Study:
             for chosen in itertools.product(*self.axes.values())
         )
 
-    def point(self, settings: Settings | None = None) -> Point:
-        """The study's scenario with its `set`, and then these settings.
-
-        Args:
-            settings: Fields by path, such as `{"circuit.w": "-0.5 deg", "pushes[0].force": "20 N"}`.
-
-        Raises:
-            InputError: A field does not exist, or its value does not fit; says where in the study, if there.
-        """
-        return self._maker.point(settings or {})
-
-    def point_of(self, cell: Cell, searched: str | None = None) -> Point:
-        """The point of a cell.
-
-        Args:
-            cell: The cell.
-            searched: The value of the searched field, as it would be written.
-
-        Raises:
-            InputError: As of `point`.
-        """
-        settings, places = dict(cell.settings), dict(cell.places)
-        if searched is not None and self.search is not None:
-            settings[self.search.field] = searched
-            places[self.search.field] = ("search", "field")
-        return self._maker.point(settings, places)
-
-    @cached_property
-    def _maker(self) -> PointMaker:
-        from circuitkit.study.point_maker import PointMaker
-
-        return PointMaker(self)
-
     def with_(self, changes: Mapping[str, Any]) -> Study:
         """A changed copy, such as a smaller one for a quick look.
 
@@ -333,8 +303,8 @@ class Study:
         return _study(Document(self.document.path, data, marks, self.document.shifts))
 
 
-def load_study(name_or_path: str | Path) -> Study:
-    """Read a study file, and check that the fields that it names exist and take these values.
+def read_study(name_or_path: str | Path) -> Study:
+    """Read a study file, without looking at the scenario that it is about; see `load_study`.
 
     Args:
         name_or_path: A path, or the name of a shipped one such as `push_limits`.
@@ -346,9 +316,7 @@ def load_study(name_or_path: str | Path) -> Study:
     if isinstance(document.data, dict) and "tune" in document.data:
         message = "found a study that tunes; allowed: one that sweeps"
         raise InputError(document.problem(("tune",), message, "circuitkit tune runs it", at_key=True))
-    study = _study(document)
-    study._maker.check()
-    return study
+    return _study(document)
 
 
 def make_study(data: Mapping[str, Any]) -> Study:
@@ -386,16 +354,7 @@ def _study(document: Document) -> Study:
 
 
 # Columns that every table of results has.
-RESERVED = (
-    "seed",
-    "survived",
-    "time_of_fall_s",
-    "max_zmp_excursion_m",
-    "recovery_time_s",
-    "scenario",
-    "version",
-    "key",
-)
+RESERVED = ("seed", "scenario", "version", "key")
 
 
 def _values(name: str, axis: Sequence[Any] | Mapping[str, Settings]) -> list[AxisValue]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,16 +17,14 @@ from typing import TYPE_CHECKING, Any
 from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, Problem
 from circuitkit.base.files import replacing, write_text
 from circuitkit.base.units import parse_quantity
-from circuitkit.study.jobs import Outcome, versions
+from circuitkit.study.jobs import RMS, Outcome, versions
 from circuitkit.study.results import Results, Row
-from circuitkit.study.spec import Study, make_study
+from circuitkit.study.spec import RESERVED, Study, make_study
 
 if TYPE_CHECKING:
     import pyarrow
 
 _FORMAT = 1
-_RMS = "rms_"
-_REAL = ("time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s")
 _UNSEEN = ("description",)  # keys of a study that determine no run
 _SHOWN_DIFFERENCES = 6
 
@@ -53,15 +51,30 @@ def table_of(study: Study, rows: Sequence[Row]) -> pyarrow.Table:
         MissingDependencyError: pyarrow is not installed.
     """
     pa = arrow()
-    commands = sorted({name for row in rows for name in row if name.startswith(_RMS)})
     fields = [_labelled(pa, study, axis) for axis in study.axes]
     if study.search is not None:
         fields.append(_with_unit(pa.field(study.search.field, pa.float64()), study.search.step))
-    fields += [pa.field("seed", pa.int64()), pa.field("survived", pa.bool_())]
-    fields += [pa.field(name, pa.float64()) for name in (*_REAL, *commands)]
+    fields.append(pa.field("seed", pa.int64()))
+    fields += [pa.field(name, _type_of(pa, name, rows)) for name in _value_columns(study, rows)]
     fields += [pa.field(name, pa.string()) for name in ("scenario", "version", "key")]
     columns = [pa.array([row.get(field.name) for row in rows], type=field.type) for field in fields]
     return pa.Table.from_arrays(columns, schema=pa.schema(fields))
+
+
+def _value_columns(study: Study, rows: Iterable[Row]) -> list[str]:
+    """The columns of measures in the scenario's order, and of commands in alphabetical order."""
+    names = dict.fromkeys(name for row in rows for name in row if name not in _other_columns(study))
+    return [*(n for n in names if not n.startswith(RMS)), *sorted(n for n in names if n.startswith(RMS))]
+
+
+def _other_columns(study: Study) -> set[str]:
+    searched = () if study.search is None else (study.search.field,)
+    return {*study.axes, *searched, *RESERVED}
+
+
+def _type_of(pa: Any, name: str, rows: Iterable[Row]) -> Any:  # noqa: ANN401 - a module that ships no types
+    """Truth values, or numbers."""
+    return pa.bool_() if any(isinstance(row.get(name), bool) for row in rows) else pa.float64()
 
 
 def _labelled(pa: Any, study: Study, axis: str) -> Any:  # noqa: ANN401 - a module that ships no types
@@ -118,7 +131,7 @@ class Store:
 
         Args:
             study: What is run.
-            inputs: What its files say; see `Point.inputs`.
+            inputs: What its files say; see `Case.inputs`.
             resume: Go on with what is there.
 
         Returns:
@@ -156,7 +169,7 @@ class Store:
                 f"{f'; and {more} more' if more > 0 else ''}; name another folder"
             )
             raise OtherStudyError(Problem("", 0, 0, "", message))
-        return {str(row["key"]): _outcome(row) for row in self._rows()}
+        return {str(row["key"]): _outcome(study, row) for row in self._rows()}
 
     def add(self, study: Study, rows: Sequence[Row]) -> None:
         """Write the rows of a batch.
@@ -232,7 +245,7 @@ class Store:
                 yield {
                     name: value
                     for name, value in row.items()
-                    if value is not None or not name.startswith(_RMS)
+                    if value is not None or not name.startswith(RMS)
                 }
 
     @staticmethod
@@ -241,10 +254,9 @@ class Store:
             arrow().parquet.write_table(table, part, compression="zstd")
 
 
-def _outcome(row: Row) -> Outcome:
-    rms = {name.removeprefix(_RMS): value for name, value in row.items() if name.startswith(_RMS)}
-    fall, excursion, recovery = (row[name] for name in _REAL)
-    return Outcome(int(row["seed"]), bool(row["survived"]), fall, excursion, recovery, rms)
+def _outcome(study: Study, row: Row) -> Outcome:
+    other = _other_columns(study)
+    return Outcome(int(row["seed"]), {name: value for name, value in row.items() if name not in other})
 
 
 def _differences(old: Any, new: Any, where: str = "") -> Iterator[str]:  # noqa: ANN401 - JSON data

@@ -16,13 +16,13 @@ def small_study(**changes: Any) -> Study:
     return load_study("push_limits").with_(
         {
             "seeds": {"count": len(SEEDS)},
-            "set": {"pushes[0].start.step": 0},
+            "set": {"push.start.step": 0},
             "watch": "1 s",
             "search": {"low": "0 N", "high": "45 N", "step": "15 N", "check_below": 1},
             "axes": {
-                "gait": ["gait_march"],
+                "reference.gait": ["gait_march"],
                 "contender": ["open loop", "tuned, towards the edge"],
-                "pushes[0].duration": ["0.2 s"],
+                "push.duration": ["0.2 s"],
             },
             **changes,
         }

@@ -14,11 +14,11 @@ LIMITS = {0: 13, 1: 0, 2: -1, 5: 30, 7: 12}  # the last number of a grid of 0 to
 
 def answered(seeds, count=31):
     """All that a search asks for when the seeds survive up to their limits, round by round."""
-    asker = EachBoundary(count, seeds).runs()
-    rounds = [next(asker)]
+    strategy = EachBoundary(count, seeds).runs()
+    rounds = [next(strategy)]
     while True:
         try:
-            rounds.append(asker.send({(index, seed): index <= LIMITS[seed] for index, seed in rounds[-1]}))
+            rounds.append(strategy.send({(index, seed): index <= LIMITS[seed] for index, seed in rounds[-1]}))
         except StopIteration:
             return rounds
 
@@ -37,9 +37,9 @@ def study(**search):
         {
             "study": "made_up",
             "scenario": "nao_push",
-            "axes": {"pushes[0].direction": ["inward"]},
+            "axes": {"push.direction": ["inward"]},
             "seeds": {"first": 0, "count": 3},
-            "search": {"field": "pushes[0].force", "low": "0 N", "high": "30 N", "step": "1 N", **search},
+            "search": {"field": "push.force", "low": "0 N", "high": "30 N", "step": "1 N", **search},
         }
     )
 
@@ -47,8 +47,8 @@ def study(**search):
 def rows(limits_n, forces=(0, 5, 6, 7, 12, 13, 30)):
     return tuple(
         {
-            "pushes[0].direction": "inward",
-            "pushes[0].force": float(force),
+            "push.direction": "inward",
+            "push.force": float(force),
             "seed": seed,
             "survived": force <= limit,
         }

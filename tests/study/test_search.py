@@ -16,18 +16,18 @@ SEEDS = range(20)
 
 def found_by(search: Boundary, stands) -> tuple[dict[int, list[bool]], tuple[int, int]]:
     """The runs that a search asks for, and the boundary, where `stands(value, seed)` says who stands."""
-    asker, made = search.runs(), {}
-    wanted = next(asker)
+    strategy, made = search.runs(), {}
+    wanted = next(strategy)
     while True:
         come = {(value, seed): stands(value, seed) for value, seed in wanted}
         for (value, _), up in come.items():
             made.setdefault(value, []).append(up)
         try:
-            wanted = asker.send(come)
+            wanted = strategy.send(come)
         except StopIteration:
             break
     holds = {
-        value: ups.count(False) <= search.may_fall and len(ups) == len(search.seeds)
+        value: ups.count(False) <= search.may_fail and len(ups) == len(search.seeds)
         for value, ups in made.items()
     }
     return made, boundary(holds, search.count)

@@ -11,8 +11,9 @@ import pytest
 from circuitkit.base.errors import InputError
 from circuitkit.base.source import find_data_file, read_yaml, shipped_names
 from circuitkit.biped.gait.spec import FOLDER as GAIT_FOLDER
+from circuitkit.control import load_controller
 from circuitkit.simulation import load_scenario
-from circuitkit.study import Study, load_study, make_study
+from circuitkit.study import Case, CaseBuilder, Study, load_study, make_study
 from circuitkit.study.spec import FOLDER
 
 SMALL = {"study": "small", "scenario": "nao_push", "seeds": {"count": 2}}
@@ -20,6 +21,11 @@ SMALL = {"study": "small", "scenario": "nao_push", "seeds": {"count": 2}}
 
 def study(**changes) -> Study:
     return make_study(SMALL | changes)
+
+
+def case(settings=None, **changes) -> Case:
+    """A case of a small study."""
+    return CaseBuilder(study(**changes)).case(settings)
 
 
 def written(tmp_path, *lines):
@@ -54,11 +60,11 @@ def test_every_shipped_study_fits(name):
 
 def test_cells_are_all_combinations_and_the_last_axis_varies_first():
     found = study(
-        axes={"pushes[0].direction": ["inward", "outward"], "pushes[0].duration": ["0.1 s", "200 ms"]}
+        axes={"push.direction": ["inward", "outward"], "push.duration": ["0.1 s", "200 ms"]}
     )
     expected = list(itertools.product(["inward", "outward"], [0.1, 0.2]))
     assert [tuple(cell.labels.values()) for cell in found.cells] == expected
-    assert found.cells[1].texts == {"pushes[0].direction": "inward", "pushes[0].duration": "200 ms"}
+    assert found.cells[1].texts == {"push.direction": "inward", "push.duration": "200 ms"}
 
 
 def test_a_study_without_axes_has_one_cell():
@@ -90,13 +96,13 @@ def test_a_copy_changes_what_is_named_and_nothing_else():
             "seeds": {"count": 2},
             "search": {"step": "6 N"},
             "set": {"circuit.leak": "5 %"},
-            "axes": {"contender": ["open loop"], "pushes[0].duration": ["0.3 s"], "gait": None},
+            "axes": {"contender": ["open loop"], "push.duration": ["0.3 s"], "reference.gait": None},
         }
     )
     assert (len(small.seeds), small.search.step, small.search.high) == (2, "6 N", "60 N")
-    assert small.file.set == {"pushes[0].start.step": 4, "circuit.leak": "5 %"}
+    assert small.file.set == {"push.start.step": 4, "circuit.leak": "5 %"}
     assert [cell.labels for cell in small.cells] == [
-        {"contender": "open loop", "pushes[0].direction": way, "pushes[0].duration": 0.3}
+        {"contender": "open loop", "push.direction": way, "push.duration": 0.3}
         for way in ("outward", "inward")
     ]
     assert len(whole.cells) == 48
@@ -110,63 +116,108 @@ def test_a_copy_with_an_unknown_name_says_which_there_are():
         load_study("push_limits").with_({"axes": {"contender": ["open lop"]}})
 
 
-# --- points -------------------------------------------------------------------------------------------------
+# --- cases --------------------------------------------------------------------------------------------------
 
 
-def test_a_point_is_the_scenario_with_its_changes():
-    found = study(set={"pushes[0].force": "5 N"}).point(
+def test_a_case_is_the_scenario_with_its_changes():
+    found = case(
         {
-            "gait": "gait_march",
-            "gait.step_length": "1 cm",
+            "reference.gait": "gait_march",
+            "reference.step_length": "1 cm",
             "circuit.w": "1 deg",
-            "pushes[0].direction": "forward",
-            "plant.friction": 0.4,
-        }
+            "push.direction": "forward",
+            "body.friction": 0.4,
+        },
+        set={"push.force": "5 N"},
     )
-    push = found.scenario.pushes[0]
+    (push,) = found.scenario.pushes
     assert (push.force, push.direction, push.duration) == (5.0, "forward", 0.2)
-    assert (found.gait.gait, found.gait.step_length) == ("gait_march", 0.01)
-    assert found.circuit.parameters["w"].value_si == pytest.approx(math.radians(1))
-    assert found.scenario.plant.friction == 0.4
+    assert (found.reference.gait.gait, found.reference.gait.step_length) == ("gait_march", 0.01)
+    assert found.circuits.used.parameters["w"].value_si == pytest.approx(math.radians(1))
+    assert [each.friction for each in found.scenario.befalling if each.kind == "body"] == [0.4]
     assert found.scenario.duration == load_scenario("nao_push").duration
 
 
 def test_later_settings_win():
-    assert (
-        study(set={"pushes[0].force": "5 N"}).point({"pushes[0].force": "6 N"}).scenario.pushes[0].force == 6
-    )
+    assert case({"push.force": "6 N"}, set={"push.force": "5 N"}).scenario.pushes[0].force == 6
 
 
-def test_fields_of_controller_files_are_fields_too():
-    found = study(set={"controller": "dcm_ankle"}).point({"controller.description": "mine"})
-    assert found.controller.description == "mine"
+def kinds(found: Case) -> list[str]:
+    return [each.kind for each in found.scenario.befalling]
 
 
-def test_a_point_can_be_sent_elsewhere():
-    point = study().point({"controller": "dcm_ankle"})
-    assert pickle.loads(pickle.dumps(point)).key == point.key
+def test_a_disturbance_that_is_not_there_is_added_and_the_nth_is_found_by_its_number():
+    found = case({"slope.left": "3 deg", "push.force": "3 N", "push[1]": {**PUSH, "force": "7 N"}})
+    assert kinds(found) == ["jitter", "push", "noise", "slope", "push"]
+    assert [push.force for push in found.scenario.pushes] == [3, 7]
+    again = case({"push[1]": {**PUSH, "force": "7 N"}, "push[1].force": "8 N", "push[0].force": "4 N"})
+    assert [push.force for push in again.scenario.pushes] == [4, 8]
+
+
+PUSH = {"body": "torso", "force": "9 N", "direction": "left", "duration": "0.1 s", "start": "2 s"}
+
+
+def test_a_list_takes_the_place_of_all_disturbances_of_its_kind():
+    assert kinds(case({"push": []})) == ["jitter", "noise"]
+    assert kinds(case({"noise.std": "1 N", "push": [PUSH, PUSH], "noise": []})) == ["jitter", "push", "push"]
+    (push,) = case({"push": [PUSH]}).scenario.pushes
+    assert (push.force, push.start) == (9.0, 2.0)
+
+
+def test_the_whole_list_can_be_given_too():
+    assert kinds(case({"disturbances": [{"push": PUSH}], "slope.left": "1 deg"})) == ["push", "slope"]
+
+
+def test_measures_can_be_added():
+    assert case({"measures.tilt": "max(abs(roll))"}).scenario.formulas["tilt"] == "max(abs(roll))"
+
+
+def test_fields_of_controller_and_robot_files_are_fields_too():
+    assert case({"controller.description": "mine"}, set={"controller": "dcm_ankle"}).controller.description == "mine"
+    found = case({"controller.lateral.limit": "9 deg", "controller": "dcm_ankle"})
+    assert found.controller == load_controller("dcm_ankle", {"lateral.limit": "9 deg"})
+    softer = case({"robot.timestep": "1 ms"})
+    assert softer.scenario.robot.timestep == 0.001
+    assert softer.plan().robot.model.opt.timestep == 0.001
+    assert softer.shared_key != case().shared_key
+
+
+def test_another_kind_of_reference_brings_its_own_fields():
+    found = case({"reference.stand": {}, "reference.knee": "20 deg", "push": []})
+    assert found.reference.spec.knee == pytest.approx(math.radians(20))
+    assert found.key != case({"reference.stand": {}, "push": []}).key
+
+
+def test_a_case_can_be_sent_elsewhere():
+    for settings in ({"controller": "dcm_ankle"}, {"robot.timestep": "1 ms"}, {"reference.stand": {}, "push": []}):
+        found = case(settings)
+        sent = pickle.loads(pickle.dumps(found))
+        assert (sent.key, sent.scenario) == (found.key, found.scenario)
 
 
 def test_runs_end_so_long_after_the_last_push():
     """Step 4 begins after 1 s and four steps of 0.55 s, its lift 50 ms later; 0.4 of 250 ms more: 3.35 s."""
-    found = study(watch="2 s", set={"pushes[0].start.step": 4}).point()
+    found = case(watch="2 s", set={"push.start.step": 4})
     assert found.scenario.duration == pytest.approx(3.35 + 0.2 + 2.0, abs=1e-9)
+    at_a_time = case(watch="2 s", set={"push.start": "5 s"})
+    assert at_a_time.scenario.duration == pytest.approx(5 + 0.2 + 2.0, abs=1e-9)
 
 
 def test_without_a_push_the_scenarios_duration_counts():
-    assert study(watch="2 s").point({"pushes": []}).scenario.duration == 17.0
+    assert case({"push": []}, watch="2 s").scenario.duration == 17.0
 
 
 def test_keys_are_equal_for_equal_runs_only():
-    base = study().point()
-    assert study(watch="3 s").point().key != base.key
-    assert study(description="other words").point().key == base.key
-    assert study().point({"circuit": "binn_lateral_tuned"}).key == base.key
-    for change in ({"pushes[0].force": "21 N"}, {"circuit.w": "1 deg"}, {"gait.knee": "34 deg"}):
-        assert study().point(change).key != base.key
-    pushed = study().point({"pushes[0].force": "21 N"})
+    base = case()
+    assert case(watch="3 s").key != base.key
+    assert case(description="other words").key == base.key
+    assert case({"circuit": "binn_lateral_tuned"}).key == base.key
+    for change in ({"push.force": "21 N"}, {"circuit.w": "1 deg"}, {"reference.knee": "34 deg"}, {"slope.left": "1 deg"}):
+        assert case(change).key != base.key
+    pushed = case({"push.force": "21 N"})
     assert pushed.shared_key == base.shared_key  # they can be stepped together
-    assert study().point({"sensor_delay": "20 ms"}).shared_key != base.shared_key
+    assert case({"delay": {"channel": "*", "by": "20 ms"}}).shared_key != base.shared_key
+    assert case({"measures.tilt": "max(abs(roll))"}).shared_key != base.shared_key
 
 
 # --- complaints ---------------------------------------------------------------------------------------------
@@ -176,32 +227,32 @@ def test_every_wrong_field_is_told_where_the_study_has_it(tmp_path):
     path = written(
         tmp_path,
         *HEAD,
-        "set: {pushes[0].start.stp: 4}".replace("pushes[0].start.stp", '"pushes[0].start.stp"'),
         "axes:",
         "  contender:",
         "    a: {controller: open_lop}",
         "    b: {controller: circuit, circuit.q1.slpoe: 3 /m}",
         "    c: {circuit.w: 3 mm}",
-        "  pushes[2].force: [3 N]",
-        "  gait.step_lenght: [2 cm]",
-        "  sensor_delay: [3 N]",
-        'search: {field: "pushes[0].forc", low: 0 N, high: 6 N, step: 1 N}',
+        '  "push[2].force": [3 N]',
+        "  reference.step_lenght: [2 cm]",
+        "  delay.by: [3 N]",
+        "  psh.force: [3 N]",
+        "search: {field: push.forc, low: 0 N, high: 6 N, step: 1 N}",
     )
     found = complaints(path)
     starts = [
-        "4:7: pushes[0].start.stp: unknown key 'stp'; allowed: at, phase, step; did you mean 'step'?",
-        "7:21: controller: unknown controller 'open_lop'; allowed: open_loop, circuit, ",
-        "8:30: circuit.q1.slpoe: unknown name 'q1.slpoe'; allowed: ",
-        "9:20: circuit.w: found 3 mm (length); allowed: angle",
-        "10:3: pushes[2].force: pushes has 1 item; allowed: [0]",
-        "11:3: gait.step_lenght: unknown key 'step_lenght'; allowed: ",
-        "12:18: sensor_delay: found '3 N', which is force; allowed: a quantity such as '200 ms'",
-        "13:17: pushes[0].forc: unknown key 'forc'; allowed: ",
+        "6:21: controller: unknown controller 'open_lop'; allowed: open_loop, circuit, ",
+        "7:30: circuit.q1.slpoe: unknown name 'q1.slpoe'; allowed: ",
+        "8:20: circuit.w: found 3 mm (length); allowed: angle",
+        "9:3: push[2].force: there is 1 push; allowed: push, or push[1] for a new one",
+        "10:3: reference.step_lenght: unknown key 'step_lenght'; allowed: ",
+        "11:14: delay.by: found '3 N', which is force; allowed: a quantity such as '200 ms'",
+        "12:3: psh.force: unknown field 'psh'; allowed: ",
+        "13:17: push.forc: unknown key 'forc'; allowed: ",
     ]
     assert len(found) == len(starts)
     for text, start in zip(found, starts, strict=True):
         assert text.startswith(start)
-    for i, meant in ((1, "open_loop"), (2, "q1.slope"), (5, "step_length"), (7, "force")):
+    for i, meant in ((0, "open_loop"), (1, "q1.slope"), (4, "step_length"), (6, "push"), (7, "force")):
         assert found[i].endswith(f"did you mean '{meant}'?")
 
 
@@ -218,19 +269,25 @@ def test_every_wrong_field_is_told_where_the_study_has_it(tmp_path):
             "4:9: search: found low 0 N, high 7 N, step 2 N",
         ),
         (["search: {field: x, low: 0 N, high: 7 Q, step: 2 N}"], "4:36: search.high: unknown unit 'Q'"),
-        (["axes: {gait: []}"], "4:14: axes.gait: found no values; allowed: a list of values"),
-        (["axes: {gait: [[gait_march]]}"], "4:15: axes.gait[0]: found a list of 1; allowed: a text"),
+        (["axes: {reference.gait: []}"], "4:24: axes.reference.gait: found no values; allowed: a list of values"),
+        (["axes: {reference.gait: [[gait_march]]}"], "4:25: axes.reference.gait[0]: found a list of 1; allowed: a text"),
         (["axes: {seed: [1, 2]}"], "4:8: axes.seed: found 'seed', which is a column of the results"),
-        (["axes: {gait: [gait_march, gait_march]}"], "4:27: axes.gait[1]: found 'gait_march', the same as"),
-        (["set: {gait: gait_mrach}"], "4:13: gait: unknown name 'gait_mrach'"),
-        (["set: {gait: gait_mrach, gait.knee: 3 deg}"], "4:13: gait: unknown name 'gait_mrach'"),
-        (["set: {'pushes[0]force': 3 N}"], "4:7: pushes[0]force: found 'pushes[0]force'; allowed: the path"),
+        (["axes: {reference.gait: [gait_march, gait_march]}"], "4:37: axes.reference.gait[1]: found 'gait_march', the same as"),
+        (["set: {reference.gait: gait_mrach}"], "4:23: reference.gait: unknown name 'gait_mrach'"),
+        (["set: {reference.gait: gait_mrach, reference.knee: 3 deg}"], "4:23: reference.gait: unknown name 'gait_mrach'"),
+        (["set: {'push[0]force': 3 N}"], "4:7: push[0]force: found 'push[0]force'; allowed: the path"),
         (
             ["set: {controller.gain: 3, controller: circuit}"],
             "4:7: controller.gain: the controller 'circuit'",
         ),
-        (["set: {pushes.force: 3 N}"], "4:7: pushes.force: pushes is a list; allowed: an item of it"),
+        (["set: {pushes.force: 3 N}"], "4:7: pushes.force: unknown field 'pushes'; allowed: scenario, "),
+        (["set: {disturbances.force: 3 N}"], "4:7: disturbances.force: disturbances is a list; allowed: an item"),
         (["set: {duration.at: 3 N}"], "4:7: duration.at: duration has no fields"),
+        (
+            ["set: {push.start.stp: 4}"],
+            "4:23: push.start.stp: found stp 4; allowed: a time such as 5 s, or {step: 8, ",
+        ),
+        (["set: {push.start.step: 40}"], "4:24: push.start.step: found step 40, and the walk ends before that"),
         (["watch: 5 m"], "4:8: watch: found '5 m', which is length"),
         (
             ["tune: {trials: 3}"],
@@ -262,15 +319,15 @@ def test_a_circuit_as_a_whole_is_complained_about_in_its_own_file(tmp_path, monk
 
 
 def test_a_path_with_brackets_between_braces_is_told_to_need_quotes(tmp_path):
-    path = written(tmp_path, *HEAD, "set: {watch: 3 s, pushes[0].force: 3 N}")
+    path = written(tmp_path, *HEAD, "set: {watch: 3 s, push[0].force: 3 N}")
     (complaint,) = complaints(path)
-    assert complaint.startswith("4:25: this is not YAML")
-    assert complaint.endswith('put a name with brackets in quotes, such as "pushes[0].force"')
+    assert complaint.startswith("4:23: this is not YAML")
+    assert complaint.endswith('put a name with brackets in quotes, such as "push[0].force"')
 
 
 def test_files_beside_the_study_are_found_from_anywhere(tmp_path, monkeypatch):
     gait = find_data_file("gait_march", GAIT_FOLDER).read_text().replace("gait: gait_march", "gait: mine")
     (tmp_path / "my_gait.yaml").write_text(gait)
-    path = written(tmp_path, *HEAD, "set: {gait: my_gait.yaml}")
+    path = written(tmp_path, *HEAD, "set: {reference.gait: my_gait.yaml}")
     monkeypatch.chdir("/")
-    assert load_study(path).point().gait.gait == "mine"
+    assert CaseBuilder(load_study(path)).case().reference.name == "mine"

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 
+import numpy as np
 import pyarrow.parquet
 import pytest
 from study.cut import FORCES_N, SEEDS, small_study
@@ -14,11 +15,9 @@ from study.cut import FORCES_N, SEEDS, small_study
 from circuitkit.base.errors import CircuitkitError, InputError, SimulationError
 from circuitkit.base.files import OutputError
 from circuitkit.base.source import data_folder
-from circuitkit.simulation import load_scenario, make_plan
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop, run_to_see_who_stands
-from circuitkit.biped.thresholds import judge
-from circuitkit.study import make_study, open_pool, read_results, run_points, run_studies, sweep
+from circuitkit.simulation import RunSpec, Scenario, load_scenario, make_plan
+from circuitkit.simulation.loop import run_loop
+from circuitkit.study import make_study, open_pool, read_results, run_cases, run_studies, sweep
 from circuitkit.study.driver import estimate
 from circuitkit.study.pool import PoolError
 
@@ -34,24 +33,32 @@ def contents(folder):
     return (folder / "results.parquet").read_bytes()
 
 
-def by_hand(direction, force, gait="gait_march", duration=2.35):
+def by_hand(direction: str, force: float) -> Scenario:
     """The scenario that a run of the small study should be."""
     scenario = load_scenario("nao_push")
-    push = scenario.pushes[0]
-    start = push.start.model_copy(update={"step": 0})
+    jitter, push, noise = scenario.befalling
+    start = {**push.start, "step": 0}
     push = push.model_copy(update={"start": start, "direction": direction, "force": force, "duration": 0.2})
-    return scenario.model_copy(update={"gait": gait, "duration": duration, "pushes": (push,)})
+    marching = type(scenario.reference)(gait="gait_march")
+    changed = scenario.model_copy(update={"reference": marching, "duration": 2.35})
+    return changed.with_disturbances((jitter, push, noise))
 
 
 CONTROLLER = {"open loop": "open_loop", "tuned, towards the edge": "circuit"}
 
 
+def measured(scenario, controller, specs):
+    """The measures of runs that are recorded."""
+    plan = make_plan(scenario)
+    return run_loop(plan.setup(plan.controller(controller), specs)).measures
+
+
 def test_limits_are_what_trying_every_force_finds(swept):
     for limit in swept[1].limits():
-        direction, contender = limit.labels["pushes[0].direction"], limit.labels["contender"]
-        trials = [Trial(seed, by_hand(direction, force).pushes) for force in FORCES_N for seed in SEEDS]
-        plan = make_plan(by_hand(direction, 0.0))
-        stood = run_to_see_who_stands(plan.setup(CONTROLLER[contender], trials)).reshape(-1, len(SEEDS))
+        direction, contender = limit.labels["push.direction"], limit.labels["contender"]
+        specs = [RunSpec(seed, by_hand(direction, force).befalling) for force in FORCES_N for seed in SEEDS]
+        found = measured(by_hand(direction, 0.0), CONTROLLER[contender], specs)
+        stood = np.array([each["survived"] for each in found]).reshape(-1, len(SEEDS))
         first_failure = int((~stood.all(axis=1)).argmax())
         assert 0 < first_failure < len(FORCES_N)
         assert limit.fails_at == FORCES_N[first_failure]
@@ -59,13 +66,13 @@ def test_limits_are_what_trying_every_force_finds(swept):
         assert (limit.survived, limit.runs) == (len(SEEDS), len(SEEDS))
 
 
-def test_a_row_is_the_verdict_on_a_run_of_its_own(swept):
+def test_a_row_has_the_measures_of_a_run_of_its_own(swept):
     _, results = swept
-    for row in [row for row in results.rows if row["pushes[0].force"] == 30.0][::3]:
-        scenario = by_hand(row["pushes[0].direction"], 30.0)
-        setup = make_plan(scenario).setup(CONTROLLER[row["contender"]], [Trial(row["seed"], scenario.pushes)])
-        verdict = judge(run_loop(setup), scenario.thresholds)
-        assert [row[name] for name in verdict.__dataclass_fields__] == list(vars(verdict).values())
+    for row in [row for row in results.rows if row["push.force"] == 30.0][::3]:
+        scenario = by_hand(row["push.direction"], 30.0)
+        spec = RunSpec(row["seed"], scenario.befalling)
+        (measures,) = measured(scenario, CONTROLLER[row["contender"]], [spec])
+        assert {name: row[name] for name in measures} == measures
         assert ("rms_ankle_roll" in row) == (row["contender"] != "open loop")
 
 
@@ -74,8 +81,8 @@ def test_a_row_has_the_whole_scenario(swept):
     row = results.rows[-1]
     said = json.loads(row["scenario"])
     assert said["seed"] == row["seed"]
-    assert said["pushes"][0]["force"] == row["pushes[0].force"]
-    assert said["gait_numbers"]["single_support"] == 0.5
+    assert said["disturbances"][1]["push"]["force"] == row["push.force"]
+    assert said["reference_numbers"]["single_support"] == 0.5
     assert len({each["key"] for each in results.rows}) == len(results.rows)
 
 
@@ -92,8 +99,8 @@ def test_what_was_written_reads_back(swept):
     assert read.rows == results.rows
     assert read.limits() == results.limits()
     table = pyarrow.parquet.read_table(folder / "results.parquet")
-    assert table.schema.field("pushes[0].force").metadata == {b"unit": b"N"}
-    assert table.schema.field("pushes[0].duration").metadata == {b"unit": b"s"}
+    assert table.schema.field("push.force").metadata == {b"unit": b"N"}
+    assert table.schema.field("push.duration").metadata == {b"unit": b"s"}
 
 
 class Stopper:
@@ -146,7 +153,7 @@ def test_a_circuit_that_says_something_else_is_another_study(tmp_path):
     mine, out = tmp_path / "mine.yaml", tmp_path / "out"
     lines = ("circuit: mine", "control_step: 10 ms", "timing: ordered")
     said = "\n".join([*lines, f"include: [{data_folder('circuits')}/binn_lateral.yaml]", ""])
-    changed = {"circuit": str(mine), "gait": "gait_march", "duration": "6 s"}
+    changed = {"circuit": str(mine), "reference.gait": "gait_march", "duration": "6 s"}
     study = make_study({"study": "x", "scenario": "nao_push", "seeds": {"count": 1}, "set": changed})
     mine.write_text(said)
     with pytest.raises(KeyboardInterrupt):
@@ -176,7 +183,7 @@ def test_a_sweep_that_was_stopped_before_its_first_run_begins_again_without_a_wo
 
 
 def test_the_estimate_is_no_more_than_the_most():
-    search = {"field": "pushes[0].force", "low": "0 N", "high": "10 N", "step": "5 N", "check_below": None}
+    search = {"field": "push.force", "low": "0 N", "high": "10 N", "step": "5 N", "check_below": None}
     found = estimate(small_study().with_({"search": search, "seeds": {"count": 1}}))
     assert found.runs <= found.most
 
@@ -189,31 +196,31 @@ def test_a_folder_without_results_is_told(tmp_path):
 # --- in memory ----------------------------------------------------------------------------------------------
 
 
-def test_points_come_back_in_their_order_and_the_wrong_ones_as_errors(swept):
+def test_cases_come_back_in_their_order_and_the_wrong_ones_as_errors(swept):
     _, results = swept
     study = small_study()
-    push = {"pushes[0].direction": "inward", "pushes[0].duration": "0.2 s", "gait": "gait_march"}
-    points = [
-        push | {"controller": "open_loop", "pushes[0].force": "30 N"},
+    push = {"push.direction": "inward", "push.duration": "0.2 s", "reference.gait": "gait_march"}
+    cases = [
+        push | {"controller": "open_loop", "push.force": "30 N"},
         push | {"circuit.q1.slpoe": "3 /m"},
-        push | {"gait.lift.height": "8 cm", "gait.knee": "3 deg"},
-        push | {"pushes[0].body": "tail"},
-        push | {"controller": "circuit", "pushes[0].force": "15 N"},
+        push | {"reference.lift.height": "8 cm", "reference.knee": "3 deg"},
+        push | {"push.body": "tail"},
+        push | {"controller": "circuit", "push.force": "15 N"},
     ]
     with open_pool(1) as pool:
-        found = run_points(study, points, [1, 0], pool)
+        found = run_cases(study, cases, [1, 0], pool)
     assert isinstance(found[1], InputError)
     assert "did you mean 'q1.slope'" in str(found[1])
     assert isinstance(found[2], SimulationError | InputError)
     assert "unknown body 'tail'" in str(found[3])
-    for point, outcomes in ((points[0], found[0]), (points[4], found[4])):
-        name = next(label for label, controller in CONTROLLER.items() if controller == point["controller"])
+    for case, outcomes in ((cases[0], found[0]), (cases[4], found[4])):
+        name = next(label for label, controller in CONTROLLER.items() if controller == case["controller"])
         rows = {
             row["seed"]: row
             for row in results.rows
             if row["contender"] == name
-            and row["pushes[0].direction"] == "inward"
-            and f"{row['pushes[0].force']:g} N" == point["pushes[0].force"]
+            and row["push.direction"] == "inward"
+            and f"{row['push.force']:g} N" == case["push.force"]
         }
         assert [outcome.seed for outcome in outcomes] == [1, 0]
         for outcome in outcomes:

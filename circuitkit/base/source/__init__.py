@@ -12,6 +12,7 @@ from circuitkit.base.source.validation import (
     Finding,
     describe,
     model_problems,
+    unfilled,
     validate_model,
 )
 from circuitkit.base.source.writer import dump_yaml
@@ -35,5 +36,6 @@ __all__ = [
     "scan_text",
     "scan_yaml",
     "shipped_names",
+    "unfilled",
     "validate_model",
 ]

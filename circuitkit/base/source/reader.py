@@ -109,7 +109,7 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, path: str) -> Proble
     elif rest[:1] in {"%", "@", "`"}:
         hint = f"put a text that starts with {rest[0]} in quotes"
     elif rest.startswith("[") and "'}'" in str(error.problem):
-        hint = 'between braces, put a name with brackets in quotes, such as "pushes[0].force"'
+        hint = 'between braces, put a name with brackets in quotes, such as "push[0].force"'
     return Problem(path, line, column, "", f"this is not YAML: {error.problem}{context}", hint)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, Union, get_args, get_origin
 
@@ -29,6 +29,16 @@ class FileModel(BaseModel):
 
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def unfilled(make: Callable[[], type[ModelT]]) -> ModelT:
+    """An instance without values of a class that is made when it is first asked for.
+
+    Pickle finds a class by its name; it finds such a class by the function that makes it, in a
+    `__reduce__` that gives `unfilled, (make,), self.__getstate__()`.
+    """
+    made = make()
+    return made.__new__(made)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from circuitkit.circuit.expressions.expression import (
 from circuitkit.circuit.expressions.symbolic import constant, simplify, substitute
 
 _WHOLE = 1e-9  # off which an exponent may be, by rounding
-_NAMED = tuple((symbol, parse_unit(symbol).dimension) for symbol in ("V", "A", "S", "F", "ohm", "N"))
+_NAMED = tuple((symbol, parse_unit(symbol).dimension) for symbol in ("V", "A", "S", "F", "ohm", "N", "N*m"))
 
 
 class OpenDimension(NamedTuple):
@@ -60,7 +60,7 @@ class OpenDimension(NamedTuple):
         below = [
             _power(word, -power) for word, power in zip(self._fields[1:], self[1:], strict=True) if power < 0
         ]
-        symbol = _symbol(self.fixed)
+        symbol = named_symbol(self.fixed)
         first = "*".join([*above, *([] if symbol.startswith("/") or symbol == "1" else [symbol])])
         return "/".join([first or "1", *below]) + (symbol if symbol.startswith("/") else "")
 
@@ -110,7 +110,7 @@ def _power(word: str, power: int) -> str:
     return word if power == 1 else f"{word}^{power}"
 
 
-def _symbol(dimension: Dimension) -> str:
+def named_symbol(dimension: Dimension) -> str:
     """Return a named unit or its reciprocal, by or times the second if need be, rather than base units."""
     for seconds, power, (symbol, named) in product((0, -1, 1), (1, -1), _NAMED):
         if dimension == Dimension(time=seconds).times(named, power):

@@ -244,7 +244,8 @@ def _require_function(name: str, count: int, source: _Source, at: int) -> None:
     _known(name, frozenset(source.functions), "function", at)
     least, most = source.functions[name]
     if not least <= count <= most:
-        allowed = f"{least}" if least == most else f"{least} to {most}"
+        many = f"{least} or more" if most == _MOST_ARGUMENTS else f"{least} to {most}"
+        allowed = f"{least}" if least == most else many
         message = f"found {name} with {count} arguments; allowed: {allowed}"
         raise ExpressionError(message, at)
 

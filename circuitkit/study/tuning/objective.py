@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import parse_quantity, parse_unit
-from circuitkit.study.tuning.cases import Case
+from circuitkit.study.tuning.runs import Condition
 from circuitkit.study.tuning.space import QuantityText
 
 Row = Mapping[str, Any]
@@ -29,12 +29,20 @@ class Term(FileModel):
     """A figure of some runs and its weight.
 
     The term is weight · max(0, statistic of the column over the runs − beyond), in `unit`. The figure `limit`
-    is the mean over the cells (combinations of the axes) of the largest factor of the scale up to which all
-    runs stand.
+    is the mean over the cells (combinations of the axes) of the largest factor of the scale up to which a
+    condition holds in all runs.
     """
 
+    model_config = ConfigDict(populate_by_name=True)
+
     figure: str = Field(
-        description="A column of the results, such as survived or max_zmp_excursion_m; or limit."
+        description="A column of the results: a measure of the scenario, or rms_COMMAND; or limit."
+    )
+    expression: str | None = Field(
+        default=None, alias="is", description="An expression over channels and time, if the scenario has no such measure."
+    )
+    condition: str = Field(
+        default="survived", alias="while", description="Of limit: the measure that must be true of a run."
     )
     runs: str | None = Field(default=None, description="Which set of runs; needed if there are several.")
     weight: float = Field(default=1.0, description="Of the figure in its unit.")
@@ -68,19 +76,19 @@ class Term(FileModel):
         statistic = "" if self.statistic == "mean" else f"{self.statistic} of "
         return f"{statistic}{self.figure}{f' of {self.runs}' if self.runs else ''}"
 
-    def figure_of(self, cases: Sequence[Case], rows: Sequence[Sequence[Row]]) -> float:
+    def figure_of(self, conditions: Sequence[Condition], rows: Sequence[Sequence[Row]]) -> float:
         """The figure in its unit, without weight.
 
         Args:
-            cases: The cases of the set of runs.
-            rows: For each case the rows of its seeds.
+            conditions: The conditions of the set of runs.
+            rows: For each of them the rows of its seeds.
 
         Raises:
             UnknownNameError: The results have no such column.
             FigureError: A run lacks the figure, and `otherwise` does not say what counts for it.
         """
         if self.figure == LIMIT:
-            return limit(cases, rows)
+            return limit(conditions, rows, self.condition)
         values = [self._value(row) for each in rows for row in each]
         return float(_STATISTICS[self.statistic](np.array(values))) / self.scale
 
@@ -123,16 +131,18 @@ def columns(row: Row) -> list[str]:
     ]
 
 
-def limit(cases: Sequence[Case], rows: Sequence[Sequence[Row]]) -> float:
-    """Mean over the cells of the largest factor up to which all runs stand; 0 in a cell where none does."""
+def limit(
+    conditions: Sequence[Condition], rows: Sequence[Sequence[Row]], measure: str = "survived"
+) -> float:
+    """Mean over the cells of the largest factor up to which a measure holds in all runs; 0 where it does in none."""
     largest: dict[tuple[tuple[str, str], ...], float] = {}
     over: set[tuple[tuple[str, str], ...]] = set()
-    for case, each in zip(cases, rows, strict=True):
-        largest.setdefault(case.cell_key, 0.0)
-        if case.cell_key not in over and all(row["survived"] for row in each):
-            largest[case.cell_key] = case.factor
+    for condition, each in zip(conditions, rows, strict=True):
+        largest.setdefault(condition.cell_key, 0.0)
+        if condition.cell_key not in over and all(row[measure] for row in each):
+            largest[condition.cell_key] = condition.factor
         else:
-            over.add(case.cell_key)
+            over.add(condition.cell_key)
     return float(np.mean(list(largest.values())))
 
 
@@ -152,21 +162,23 @@ class Score:
 
 
 def score(
-    terms: Sequence[Term], cases: Mapping[str, Sequence[Case]], rows: Mapping[str, Sequence[Sequence[Row]]]
+    terms: Sequence[Term],
+    conditions: Mapping[str, Sequence[Condition]],
+    rows: Mapping[str, Sequence[Sequence[Row]]],
 ) -> Score:
     """The objective of a candidate.
 
     Args:
         terms: Its terms.
-        cases: The cases by the name of their set of runs.
-        rows: The rows by set, case and seed.
+        conditions: The conditions by the name of their set of runs.
+        rows: The rows by set, condition and seed.
 
     Raises:
         UnknownNameError: The results have no such column.
         FigureError: A run lacks a figure.
     """
-    names = list(cases)
+    names = list(conditions)
     sets = [term.runs or names[0] for term in terms]
-    figures = tuple(term.figure_of(cases[name], rows[name]) for term, name in zip(terms, sets, strict=True))
+    figures = tuple(term.figure_of(conditions[name], rows[name]) for term, name in zip(terms, sets, strict=True))
     value = sum(term.part(figure) for term, figure in zip(terms, figures, strict=True))
     return Score(value, figures, sum(len(each) for sets_ in rows.values() for each in sets_))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import circuitkit
-from circuitkit.base.errors import CircuitkitError, InputError
+from circuitkit.base.errors import CircuitkitError, InputError, listing, suggest
 from circuitkit.base.files import OutputError, reason, write_text
 from circuitkit.base.source import dump_yaml, find_data_file
 from circuitkit.circuit import load_circuit, parse_circuit, read_circuit
@@ -20,15 +20,34 @@ from circuitkit.circuit.authoring.formatting import format_text
 from circuitkit.circuit.load import FOLDER
 from circuitkit.circuit.parts import Module
 from circuitkit.control.spec import FOLDER as CONTROLLERS
-from circuitkit.study.tuning.cases import in_words
+from circuitkit.simulation.reference import REFERENCES
 from circuitkit.study.tuning.objective import Score, Term
 from circuitkit.study.tuning.rewriting import ElsewhereError, changed_circuit, changed_file, commented
+from circuitkit.study.tuning.runs import in_words
 from circuitkit.study.tuning.search import Found, Told
 from circuitkit.study.tuning.spec import TuneSpec, Tuning
 
 _WIDTH = 110
 _SCHEMA = "circuit.schema.json"
-FOLDERS = {"circuit": FOLDER, "controller": CONTROLLERS, "gait": "sims/gaits"}
+
+
+def folder_of(tuning: Tuning) -> str:
+    """Where shipped files of the kind that is tuned lie.
+
+    Raises:
+        InputError: There is no such kind of reference, or it has no file.
+    """
+    spec = tuning.spec
+    if spec.reference is None:
+        return FOLDER if spec.target == "circuit" else CONTROLLERS
+    place = ("tune", "reference")
+    with_file = [kind for kind, made in REFERENCES.kinds.items() if made.file is not None]
+    made = REFERENCES.kinds.get(spec.kind)
+    if made is None or made.file is None:
+        message = f"found '{spec.kind}', which is no reference with a file; allowed: {listing(with_file)}"
+        hint = suggest(spec.kind, with_file)
+        raise InputError(tuning.document.problem((*place, spec.kind), message, hint, at_key=True))
+    return made.file.folder
 
 
 class ResultError(CircuitkitError):
@@ -53,8 +72,8 @@ def write_result(tuning: Tuning, values: Mapping[str, str], comment: Sequence[st
     if target == "circuit":
         text = _circuit_text(tuning, values, comment, path)
     else:
-        base = find_data_file(tuning.base, FOLDERS[target]).read_text(encoding="utf-8")
-        text = changed_file(base, {target: tuning.spec.result, **values}, comment)
+        base = find_data_file(tuning.base, folder_of(tuning)).read_text(encoding="utf-8")
+        text = changed_file(base, {tuning.spec.kind: tuning.spec.result, **values}, comment)
     write_text(path, text)
     return path
 

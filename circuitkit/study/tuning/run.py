@@ -1,4 +1,4 @@
-"""`tune`: the file of a tuning in; a tuned circuit, controller or gait out, with its history."""
+"""`tune`: the file of a tuning in; a tuned circuit, controller or reference out, with its history."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnitErr
 from circuitkit.base.source import Data, Place, find_data_file, read_yaml
 from circuitkit.base.units import format_quantity
 from circuitkit.circuit import load_circuit
-from circuitkit.control import CircuitController
-from circuitkit.study.driver import run_points
-from circuitkit.study.jobs import Outcome
-from circuitkit.study.points import Point, fingerprint
+from circuitkit.study.case_builder import CaseBuilder
+from circuitkit.study.cases import Case, fingerprint
+from circuitkit.study.driver import run_cases
+from circuitkit.study.jobs import RMS, Outcome, plan_of
 from circuitkit.study.pool import Pool, open_pool
-from circuitkit.study.tuning.cases import Case, Runs
 from circuitkit.study.tuning.history import draw_history, write_table
-from circuitkit.study.tuning.objective import LIMIT, Row, Score, columns, score
-from circuitkit.study.tuning.result import FOLDERS, make_folder, provenance, write_result
+from circuitkit.study.tuning.objective import LIMIT, Row, Score, score
+from circuitkit.study.tuning.result import folder_of, make_folder, provenance, write_result
+from circuitkit.study.tuning.runs import Condition, Runs
 from circuitkit.study.tuning.search import Candidate, Found, Search, Told, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
 
@@ -101,7 +101,7 @@ def tune(
     verbose: bool = False,
     progress: Callable[[Progress], object] | None = None,
 ) -> Tuned:
-    """Search for the values with which a circuit, a controller or a gait does best.
+    """Search for the values with which a circuit, a controller or a reference does best.
 
     Candidates are measured on training runs only. In the end the best one is measured on the test runs, once.
 
@@ -166,11 +166,12 @@ def _file_of(tuning: Tuning) -> Path:
     Raises:
         InputError: There is none; says where the study names it.
     """
-    target = tuning.spec.target
+    target, kind = tuning.spec.target, tuning.spec.kind
+    folder = folder_of(tuning)
     try:
-        return find_data_file(tuning.base, FOLDERS[target])
+        return find_data_file(tuning.base, folder)
     except InputError as error:
-        place: Place = ("tune", target)
+        place: Place = ("tune", target) if target == kind else ("tune", target, kind)
         problems = (tuning.document.problem(place, each.message, each.hint) for each in error.problems)
         raise InputError(*problems) from error
 
@@ -208,7 +209,8 @@ def _database(folder: Path) -> str:
 def _search(tuning: Tuning, runs: Sequence[Runs]) -> Search:
     spec = tuning.spec
     inputs = [
-        dict(each.study.point({**each.cases[0].settings, **tuning.settings({})}).inputs) for each in runs
+        dict(CaseBuilder(each.study).case({**each.conditions[0].settings, **tuning.settings({})}).inputs)
+        for each in runs
     ]
     return Search(
         name=tuning.file.study,
@@ -238,7 +240,7 @@ def start_of(tuning: Tuning) -> dict[str, Any]:
 def _own_values(tuning: Tuning) -> dict[str, str]:
     """What the base has for what is searched, as far as it is known, by name."""
     if tuning.spec.target != "circuit":
-        data = read_yaml(find_data_file(tuning.base, FOLDERS[tuning.spec.target])).data
+        data = read_yaml(find_data_file(tuning.base, folder_of(tuning))).data
         flat = dict(_flattened(data, ""))
         return {name: flat[name] for name in tuning.spec.parameters if name in flat}
     graph = load_circuit(tuning.base)
@@ -285,13 +287,13 @@ class Measure:
         before = 0
         for each in self.runs:
             settings = [
-                {**case.settings, **self.tuning.settings(candidate)}
+                {**condition.settings, **self.tuning.settings(candidate)}
                 for candidate in candidates
-                for case in each.cases
+                for condition in each.conditions
             ]
             report = None if self.progress is None else _from(before, total, self.progress)
             outcomes[each.name] = list(
-                run_points(each.study, settings, each.seeds, self.pool, progress=report)
+                run_cases(each.study, settings, each.seeds, self.pool, progress=report)
             )
             before += len(settings) * len(each.seeds)
         return [self._score(number, outcomes) for number in range(len(candidates))]
@@ -301,13 +303,13 @@ class Measure:
     ) -> Score | CircuitkitError:
         rows: dict[str, list[list[Row]]] = {}
         for each in self.runs:
-            size = len(each.cases)
+            size = len(each.conditions)
             rows[each.name] = []
             for outcome in outcomes[each.name][number * size : (number + 1) * size]:
                 if isinstance(outcome, CircuitkitError):
                     return outcome
                 rows[each.name].append([run.row() for run in outcome])
-        return score(self.tuning.spec.terms, {each.name: each.cases for each in self.runs}, rows)
+        return score(self.tuning.spec.terms, {each.name: each.conditions for each in self.runs}, rows)
 
 
 def _from(before: int, total: int, progress: Callable[[int, int], object]) -> Callable[[int, int], object]:
@@ -363,16 +365,18 @@ def check(tuning: Tuning, runs: Sequence[Runs]) -> None:
     spec, document = tuning.spec, tuning.document
     problems: list[Problem] = []
     for each in runs:
-        for case in each.cases:
+        builder = CaseBuilder(each.study)
+        for condition in each.conditions:
             try:
-                each.study.point({**case.settings, **tuning.settings({})})
+                builder.case({**condition.settings, **tuning.settings({})})
             except InputError as error:
-                problems += [_placed(tuning, case, problem) for problem in error.problems]
+                problems += [_placed(tuning, condition, problem) for problem in error.problems]
+    builder, first_condition = CaseBuilder(runs[0].study), runs[0].conditions[0]
     for name, searched in () if problems else spec.parameters.items():
         ends = searched.choices or (searched.low, searched.high)
         for text in map(str, ends):
             try:
-                runs[0].study.point({**runs[0].cases[0].settings, **tuning.settings({name: text})})
+                builder.case({**first_condition.settings, **tuning.settings({name: text})})
             except InputError as error:
                 found = error.problems[0]
                 at_key = found.message.startswith("unknown")
@@ -395,11 +399,12 @@ def _unknown_figures(tuning: Tuning, runs: Sequence[Runs]) -> Iterator[Problem]:
         if term.figure == LIMIT:
             continue
         used = by_name[term.runs] if term.runs else runs[0]
-        for case in used.cases:
-            point = used.study.point({**case.settings, **tuning.settings({})})
-            if point.shared_key not in known:
-                known[point.shared_key] = _columns(point)
-            allowed = (LIMIT, *known[point.shared_key])
+        builder = CaseBuilder(used.study)
+        for condition in used.conditions:
+            case = builder.case({**condition.settings, **tuning.settings({})})
+            if case.shared_key not in known:
+                known[case.shared_key] = _columns(case)
+            allowed = (LIMIT, *known[case.shared_key])
             if term.figure not in allowed:
                 message = f"unknown figure '{term.figure}'; allowed: {listing(allowed)}"
                 place: Place = ("tune", direction, number, "figure")
@@ -407,19 +412,17 @@ def _unknown_figures(tuning: Tuning, runs: Sequence[Runs]) -> Iterator[Problem]:
                 break
 
 
-def _columns(point: Point) -> tuple[str, ...]:
-    """The columns of a point's results that a figure can be, known without a run."""
-    if point.controller == CircuitController.name:
-        commands = tuple(node.name for node in point.circuit.outputs)
-    else:
-        commands = point.plan().controller(point.controller).commands
-    return tuple(columns(Outcome(0, True, None, 0.0, None, dict.fromkeys(commands, 0.0)).row()))
+def _columns(case: Case) -> tuple[str, ...]:
+    """The columns of a case's results that a figure can be, known without a run."""
+    plan = plan_of(case)
+    commands = plan.controller(case.controller).commands
+    return (*plan.judge.units, *(f"{RMS}{name}" for name in commands))
 
 
-def _placed(tuning: Tuning, case: Case, problem: Problem) -> Problem:
+def _placed(tuning: Tuning, condition: Condition, problem: Problem) -> Problem:
     """A problem with a place in the file of the tuning, if it has none of its own."""
     if problem.file:
         return problem
     fallback: Place = ("tune", tuning.spec.target)
-    place = next((at for path, at in case.places.items() if problem.where.startswith(path)), fallback)
+    place = next((at for path, at in condition.places.items() if problem.where.startswith(path)), fallback)
     return replace(tuning.document.problem(place, problem.message, problem.hint), where=problem.where)

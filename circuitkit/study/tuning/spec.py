@@ -18,11 +18,11 @@ from circuitkit.base.source.fields import Ratio, Seconds
 from circuitkit.base.units import parse_quantity
 from circuitkit.circuit.spec import PlainName
 from circuitkit.study.spec import FOLDER, Seeds
-from circuitkit.study.tuning.cases import Runs, RunSet, in_words, make_runs
 from circuitkit.study.tuning.objective import LIMIT, Term
+from circuitkit.study.tuning.runs import Runs, RunSet, in_words, make_runs
 from circuitkit.study.tuning.space import Searched, ValueText, start_values
 
-TARGETS = ("circuit", "controller", "gait")
+TARGETS = ("circuit", "controller", "reference")
 SEED = "seed"
 _LEAST = 4  # of fewer candidates CMA-ES learns nothing about how its ranges belong together
 TRAIN, TEST, CONFIRM = "train", "test", "confirm"
@@ -64,7 +64,9 @@ class TuneSpec(FileModel):
 
     circuit: str | None = Field(default=None, description="A circuit: a shipped one, or its path.")
     controller: str | None = Field(default=None, description="Instead: a controller file.")
-    gait: str | None = Field(default=None, description="Instead: a gait file.")
+    reference: dict[str, str] | None = Field(
+        default=None, min_length=1, max_length=1, description="Instead: the file of a reference, such as {gait: FILE}."
+    )
     parameters: dict[str, Searched] = Field(
         min_length=1, description="What is searched: values of the file by name, as --set takes them."
     )
@@ -109,13 +111,20 @@ class TuneSpec(FileModel):
 
     @property
     def target(self) -> str:
-        """What is tuned: `circuit`, `controller` or `gait`."""
+        """What is tuned: `circuit`, `controller` or `reference`."""
         return next(key for key in TARGETS if getattr(self, key) is not None)
 
     @property
     def base(self) -> str:
         """The file that is tuned."""
+        if self.reference is not None:
+            return next(iter(self.reference.values()))
         return str(getattr(self, self.target))
+
+    @property
+    def kind(self) -> str:
+        """The key by which a scenario names it, and by which the file names itself."""
+        return self.target if self.reference is None else next(iter(self.reference))
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -179,8 +188,16 @@ class Tuning:
         found = []
         for name, runs in {**self.spec.runs, **spec.runs}.items():
             place: Place = ("tune", part, "runs", name) if name in spec.runs else ("tune", "runs", name)
-            found.append(make_runs(name, runs, spec.seeds, self.document, place))
+            found.append(make_runs(name, runs, spec.seeds, self.document, place, self._measures(name)))
         return tuple(found)
+
+    def _measures(self, name: str) -> dict[str, str]:
+        """The measures that terms of the objective define for a set of runs, as fields by path."""
+        return {
+            f"measures.{term.figure}": term.expression
+            for term in self.spec.terms
+            if term.expression is not None and term.runs in {None, name}
+        }
 
     def parts(self) -> tuple[str, ...]:
         """The parts that there are."""
@@ -190,7 +207,7 @@ class Tuning:
         """A candidate as fields of the scenario."""
         target = self.spec.target
         own: dict[str, Any] = {"controller": "circuit"} if target == "circuit" else {}
-        own[target] = self.base
+        own[target if target == self.spec.kind else f"{target}.{self.spec.kind}"] = self.base
         return own | {f"{target}.{name}": text for name, text in candidate.items()}
 
     def definition(self) -> str:
@@ -281,8 +298,8 @@ def _values(runs: tuple[Runs, ...], field: str) -> dict[object, str]:
     """The values of a field in sets of runs as texts, by what is equal for equal ones (0.1 s and 100 ms)."""
     values: dict[object, str] = {}
     for each in runs:
-        for case in each.cases:
-            found = {**each.study.file.set, **case.settings}
+        for condition in each.conditions:
+            found = {**each.study.file.set, **condition.settings}
             if field in found:
                 text = str(found[field])
                 values.setdefault(_comparable(text), text)

@@ -9,6 +9,7 @@ import pytest
 from small_tuning import SMALL, written
 
 from circuitkit.base.errors import InputError
+from circuitkit.study import CaseBuilder
 from circuitkit.study.tuning.run import check, start_of, tune
 from circuitkit.study.tuning.spec import load_tuning
 
@@ -30,19 +31,19 @@ def refusal(folder: Path, *changes: tuple[str, str], text: str = SMALL) -> tuple
     return str(refused.value), f"{path}:{line}:{column}: "
 
 
-def test_cases_are_the_axes_times_the_scale(tmp_path):
+def test_conditions_are_the_axes_times_the_scale(tmp_path):
     tuning = load_tuning(written(tmp_path))
     pushed, calm = tuning.runs("train")
-    assert [case.settings["pushes[0].force"] for case in pushed.cases] == ["6 N", "9 N", "12 N"]
-    assert {case.cell_key for case in pushed.cases} == {(("pushes[0].force", "10 N"),)}
-    assert [case.factor for case in pushed.cases] == [0.6, 0.9, 1.2]
+    assert [case.settings["push.force"] for case in pushed.conditions] == ["6 N", "9 N", "12 N"]
+    assert {case.cell_key for case in pushed.conditions} == {(("push.force", "10 N"),)}
+    assert [case.factor for case in pushed.conditions] == [0.6, 0.9, 1.2]
     assert pushed.seeds == range(100, 101)
-    assert [case.settings for case in calm.cases] == [{}]
-    point = calm.study.point(tuning.settings({"w": "-1 deg"}))
-    assert point.scenario.pushes == ()
-    assert point.scenario.duration == 3.0
-    assert point.scenario.gait == "gait_march"
-    assert point.circuit.parameters["w"].value_si == pytest.approx(-0.0174532925)
+    assert [case.settings for case in calm.conditions] == [{}]
+    case = CaseBuilder(calm.study).case(tuning.settings({"w": "-1 deg"}))
+    assert case.scenario.pushes == ()
+    assert case.scenario.duration == 3.0
+    assert case.reference.name == "gait_march"
+    assert case.circuits.used.parameters["w"].value_si == pytest.approx(-0.0174532925)
 
 
 def test_seeds_of_the_test_that_are_trained_on_are_refused(tmp_path):
@@ -59,31 +60,31 @@ def test_seeds_of_the_confirmation_are_its_own_too(tmp_path):
 
 
 def test_directions_that_are_to_be_apart_may_not_occur_in_both(tmp_path):
-    told, place = refusal(tmp_path, ("  generation: 2", '  apart: [¦"pushes[0].direction"]'))
+    told, place = refusal(tmp_path, ("  generation: 2", "  apart: [¦push.direction]"))
     assert told == (
-        f"{place}tune.apart[0]: 'pushes[0].direction' is outward in train and in the test; "
+        f"{place}tune.apart[0]: 'push.direction' is outward in train and in the test; "
         "allowed: other values in the test, by test: {runs: ...}"
     )
-    tested = 'pushed: {set: {"pushes[0].direction": inward}}, calm: {set: {"pushes[0].direction": left}}'
+    tested = "pushed: {set: {push.direction: inward}}, calm: {set: {push.direction: left}}"
     seeds = "seeds: {first: 0, count: 1}"
-    apart = ("  generation: 2", '  apart: ["pushes[0].direction"]'), (seeds, f"{seeds}, runs: {{{tested}}}")
+    apart = ("  generation: 2", "  apart: [push.direction]"), (seeds, f"{seeds}, runs: {{{tested}}}")
     tuning = load_tuning(written(tmp_path, *apart))
-    assert tuning.runs("test")[0].study.file.set["pushes[0].direction"] == "inward"
+    assert tuning.runs("test")[0].study.file.set["push.direction"] == "inward"
 
 
 def test_equal_quantities_are_equal_however_they_are_written(tmp_path):
-    durations = '{axes: {"pushes[0].duration": [100 ms, 0.2 s]}}'
+    durations = "{axes: {push.duration: [100 ms, 0.2 s]}}"
     seeds = "seeds: {first: 0, count: 1}"
     told, place = refusal(
         tmp_path,
-        ("  generation: 2", '  apart: [¦"pushes[0].duration"]'),
-        ('{"pushes[0].force": [10 N]}', '{"pushes[0].force": [10 N], "pushes[0].duration": [0.1 s]}'),
+        ("  generation: 2", "  apart: [¦push.duration]"),
+        ("{push.force: [10 N]}", "{push.force: [10 N], push.duration: [0.1 s]}"),
         (seeds, f"{seeds}, runs: {{pushed: {durations}}}"),
     )
-    assert told.startswith(f"{place}tune.apart[0]: 'pushes[0].duration' is 0.1 s in train and in the test")
+    assert told.startswith(f"{place}tune.apart[0]: 'push.duration' is 0.1 s in train and in the test")
 
 
-FORCE = '"pushes[0].force"'
+FORCE = "push.force"
 MISTAKES = [
     (("    w: {", "    ¦ww: {"), "unknown name 'ww'; allowed: "),
     (("    leak: {", "    w2: ¦{from: 1 deg, to: 2 mm}\n    leak: {"), "allowed: one dimension"),
@@ -97,10 +98,10 @@ MISTAKES = [
         (f"scale: {{{FORCE}: [60 %, 90 %, 120 %]}}", f"scale: ¦{{{FORCE}: [90 %, 60 %]}}"),
         "factors out of order",
     ),
-    ((f"scale: {{{FORCE}", 'scale: {¦"pushes[0].durtion"'), "nothing gives 'pushes[0].durtion' a value"),
+    ((f"scale: {{{FORCE}", "scale: {¦push.durtion"), "nothing gives 'push.durtion' a value"),
     ((f"{FORCE}: [10 N]", f"{FORCE}: [¦10 mm]"), "found '6 mm', which is length"),
-    ((f"axes: {{{FORCE}", f'axes: {{"pushes[0].farce": [¦9 N], {FORCE}'), "unknown key 'farce'"),
-    (("calm: {set: {pushes: []", "calm: {set: {pushes: ¦no"), "found 'no'; allowed: a list"),
+    ((f"axes: {{{FORCE}", f'axes: {{push.farce: [¦9 N], {FORCE}'), "unknown key 'farce'"),
+    (("calm: {set: {push: []", "calm: {set: {push: ¦no"), "found 'no'; allowed: a mapping"),
     (("circuit: base.yaml", "circuit: ¦binn_lateral_tuend"), "did you mean 'binn_lateral_tuned'?"),
     (
         ("result: small_tuned", "result: ¦small tuned"),
@@ -113,7 +114,7 @@ MISTAKES = [
     ),
     (("figure: survived", "figure: ¦seed"), "unknown figure 'seed'; allowed: limit, survived, "),
     (
-        ("tune:\n  circuit: base.yaml", "tune:\n  ¦gait: gait_march\n  circuit: base.yaml"),
+        ("tune:\n  circuit: base.yaml", "tune:\n  ¦reference: {gait: gait_march}\n  circuit: base.yaml"),
         "one of",
     ),
     (("generation: 2", "generation: ¦1"), "found 1; allowed: at least 2"),
@@ -167,7 +168,7 @@ def test_the_definition_is_what_the_objective_depends_on(tmp_path):
 
 def test_a_figure_may_be_a_name_alone(tmp_path):
     terms = SMALL[SMALL.index("  maximise:") : SMALL.index("  runs:")]
-    calm = "    calm: {set: {pushes: [], duration: 3 s}}\n"
+    calm = "    calm: {set: {push: [], duration: 3 s}}\n"
     told, place = refusal(tmp_path, (terms, "  maximise: ¦rms_hip_roll\n"), (calm, ""))
     assert told.startswith(f"{place}tune.maximise[0].figure: unknown figure 'rms_hip_roll'; allowed: limit, ")
 

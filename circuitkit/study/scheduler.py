@@ -1,4 +1,4 @@
-"""The board of a study under way: cells ask for runs, those that fit together go to the workers in batches.
+"""The scheduler of a study under way: cells ask for runs, those that fit together go to the workers in batches.
 
 Which worker does what, and how many runs go into a batch, changes nothing in what comes out: a cell asks by
 what its own runs have shown, and a run's outcome is its own.
@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from circuitkit.base.errors import CircuitkitError, InputError
-from circuitkit.simulation.disturbance import Trial
+from circuitkit.base.errors import CircuitkitError
+from circuitkit.study.case_builder import CaseBuilder
+from circuitkit.study.cases import Case
 from circuitkit.study.jobs import Done, Job, Outcome
-from circuitkit.study.points import Point
 from circuitkit.study.pool import Pool, PoolError
 from circuitkit.study.results import Results, Run, rows_of
-from circuitkit.study.search import Asker, Boundary, EachBoundary, Wanted, grid_runs
+from circuitkit.study.search import Boundary, EachBoundary, Request, Strategy, grid_runs
 from circuitkit.study.spec import Settings, Study
 
 BATCH = 32  # runs in a batch, at most
@@ -26,16 +26,17 @@ _LEAST = 4  # a batch is not cut smaller to keep a worker busy
 Progress: TypeAlias = Callable[[int, int], object]
 
 
-class PointsByCell:
-    """The points of a study by cell and number of the searched value; each is made when it is asked for."""
+class CasesByCell:
+    """The cases of a study by cell and number of the searched value; each is made when it is asked for."""
 
     def __init__(self, study: Study, settings: Settings | None = None) -> None:
         self._study = study
+        self._builder = CaseBuilder(study)
         self._settings = settings
-        self._made: dict[tuple[int, int], Point] = {}
+        self._made: dict[tuple[int, int], Case] = {}
 
-    def __call__(self, cell: int, index: int) -> Point:
-        """The point of a cell at a searched value.
+    def __call__(self, cell: int, index: int) -> Case:
+        """The case of a cell at a searched value.
 
         Raises:
             InputError: Something does not fit.
@@ -43,10 +44,11 @@ class PointsByCell:
         if (cell, index) not in self._made:
             study, search = self._study, self._study.search
             if self._settings is not None:
-                point = study.point(self._settings)
+                case = self._builder.case(self._settings)
             else:
-                point = study.point_of(study.cells[cell], None if search is None else search.value(index))
-            self._made[cell, index] = point
+                searched = None if search is None else search.value(index)
+                case = self._builder.of_cell(study.cells[cell], searched)
+            self._made[cell, index] = case
         return self._made[cell, index]
 
     def inputs(self) -> dict[str, str]:
@@ -66,7 +68,7 @@ class Task:
 
     Attributes:
         study: The study.
-        points: Its points.
+        cases: Its cases.
         known: Outcomes that are there already, by the run's key.
         seeds: Those of the runs; the study's by default.
         runs: What is done.
@@ -74,13 +76,13 @@ class Task:
     """
 
     study: Study
-    points: PointsByCell
+    cases: CasesByCell
     known: Mapping[str, Outcome]
     seeds: Sequence[int] | None = None
     runs: list[Run] = field(default_factory=list)
     error: CircuitkitError | None = None
 
-    def asker(self) -> Asker:
+    def strategy(self) -> Strategy:
         """What decides for a cell."""
         boundary = self._boundary()
         return boundary.runs() if boundary else grid_runs(self.seeds or self.study.seeds)
@@ -114,9 +116,9 @@ class _Cell:
 
     task: Task
     number: int
-    asker: Asker
-    wanted: list[Wanted] = field(default_factory=list)
-    come: dict[Wanted, bool] = field(default_factory=dict)
+    strategy: Strategy
+    wanted: list[Request] = field(default_factory=list)
+    come: dict[Request, bool] = field(default_factory=dict)
     done: int = 0
     over: bool = False
 
@@ -125,9 +127,9 @@ class _Cell:
 class _Open:
     """A run that is wanted by one or more cells."""
 
-    point: Point
+    case: Case
     seed: int
-    asked_by: list[tuple[_Cell, Wanted]]
+    asked_by: list[tuple[_Cell, Request]]
 
 
 def drive(
@@ -158,30 +160,29 @@ def drive(
             f"the workers still have {pool.under_way} jobs of a call that was broken off; open a new pool"
         )
         raise PoolError(message)
-    board = _Board(tasks)
+    scheduler = _Scheduler(tasks)
     flying: dict[int, list[_Open]] = {}
     number = 0
     while True:
-        while len(flying) < pool.slots and (chosen := board.take(batch or BATCH, pool.slots - len(flying))):
+        while len(flying) < pool.slots and (chosen := scheduler.take(batch or BATCH, pool.slots - len(flying))):
             number += 1
             flying[number] = chosen
             pool.submit(_job(number, chosen))
         if progress is not None:
-            progress(board.done, board.expected())
+            progress(scheduler.done, scheduler.expected())
         if not flying:
             return
         done = pool.next()
-        for task, runs in board.settle(flying.pop(done.number), done).items():
+        for task, runs in scheduler.settle(flying.pop(done.number), done).items():
             if keep is not None:
                 keep(task, runs)
 
 
 def _job(number: int, chosen: Sequence[_Open]) -> Job:
-    trials = tuple(Trial(each.seed, each.point.scenario.pushes) for each in chosen)
-    return Job(number, chosen[0].point, trials)
+    return Job(number, chosen[0].case, tuple(each.case.spec(each.seed) for each in chosen))
 
 
-class _Board:
+class _Scheduler:
     """What is wanted and not yet under way, by what can be stepped together."""
 
     def __init__(self, tasks: Sequence[Task]) -> None:
@@ -189,7 +190,7 @@ class _Board:
         self._waiting: dict[str, deque[str]] = {}
         self._outcomes = {key: outcome for task in tasks for key, outcome in task.known.items()}
         self.done = 0
-        self._cells = [_Cell(task, i, task.asker()) for task in tasks for i in range(len(task.study.cells))]
+        self._cells = [_Cell(task, i, task.strategy()) for task in tasks for i in range(len(task.study.cells))]
         for cell in self._cells:
             self._ask(cell, None)
 
@@ -225,14 +226,14 @@ class _Board:
         new: dict[Task, list[Run]] = {}
         ready: dict[_Cell, None] = {}
         for run, outcome in zip(chosen, done.outcomes, strict=True):
-            key = run.point.run_key(run.seed)
+            key = run.case.run_key(run.seed)
             del self._open[key]
             for cell, wanted in run.asked_by:
                 if isinstance(outcome, CircuitkitError):
                     self._give_up(cell.task, outcome)
                     continue
                 self._outcomes[key] = outcome
-                new.setdefault(cell.task, []).append(self._note(cell, wanted, run.point, outcome))
+                new.setdefault(cell.task, []).append(self._note(cell, wanted, run.case, outcome))
                 ready[cell] = None
         for cell in ready:
             self._go_on(cell)
@@ -256,11 +257,16 @@ class _Board:
     def _is_given_up(self, key: str) -> bool:
         return all(cell.task.error is not None for cell, _ in self._open[key].asked_by)
 
-    def _note(self, cell: _Cell, wanted: Wanted, point: Point, outcome: Outcome) -> Run:
+    def _note(self, cell: _Cell, wanted: Request, case: Case, outcome: Outcome) -> Run:
         """Tell a cell the outcome of one of its runs."""
-        run = Run(cell.number, wanted[0], point, outcome)
+        search, held = cell.task.study.search, False
+        try:
+            held = search is None or outcome.holds(search.condition)
+        except CircuitkitError as error:  # there is no such measure, or it is a number
+            self._give_up(cell.task, error)
+        run = Run(cell.number, wanted[0], case, outcome)
         cell.task.runs.append(run)
-        cell.come[wanted] = outcome.survived
+        cell.come[wanted] = held
         cell.done += 1
         self.done += 1
         return run
@@ -269,29 +275,29 @@ class _Board:
         if len(cell.come) == len(cell.wanted) and not cell.over:
             self._ask(cell, cell.come)
 
-    def _ask(self, cell: _Cell, stood: Mapping[Wanted, bool] | None) -> None:
+    def _ask(self, cell: _Cell, held: Mapping[Request, bool] | None) -> None:
         """Let a cell ask for runs, as long as all that it asks for is known already."""
         while not cell.over:
             try:
-                wanted = next(cell.asker) if stood is None else cell.asker.send(stood)
-                points = [cell.task.points(cell.number, index) for index, _ in wanted]
+                wanted = next(cell.strategy) if held is None else cell.strategy.send(held)
+                cases = [cell.task.cases(cell.number, index) for index, _ in wanted]
             except StopIteration:
                 cell.over = True
                 return
-            except InputError as error:
+            except CircuitkitError as error:
                 self._give_up(cell.task, error)
                 return
             cell.wanted, cell.come = wanted, {}
             known = self._outcomes
-            for each, point in zip(wanted, points, strict=True):
-                key = point.run_key(each[1])
+            for each, case in zip(wanted, cases, strict=True):
+                key = case.run_key(each[1])
                 if key in known:
-                    self._note(cell, each, point, known[key])
+                    self._note(cell, each, case, known[key])
                 elif key in self._open:
                     self._open[key].asked_by.append((cell, each))
                 else:
-                    self._open[key] = _Open(point, each[1], [(cell, each)])
-                    self._waiting.setdefault(point.shared_key, deque()).append(key)
+                    self._open[key] = _Open(case, each[1], [(cell, each)])
+                    self._waiting.setdefault(case.shared_key, deque()).append(key)
             if len(cell.come) < len(wanted):
                 return
-            stood = cell.come
+            held = cell.come

@@ -1,4 +1,4 @@
-"""The runs by which a tuning measures its candidates: cases (settings of the scenario) times seeds."""
+"""The runs by which a tuning measures its candidates: conditions (settings of the scenario) times seeds."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class RunSet(FileModel):
 
 
 @dataclass(frozen=True)
-class Case:
+class Condition:
     """One setting of the scenario.
 
     Attributes:
@@ -62,7 +62,7 @@ class Case:
 
     @property
     def cell_key(self) -> tuple[tuple[str, str], ...]:
-        """Equal for cases that differ in the scale only."""
+        """Equal for conditions that differ in the scale only."""
         return tuple(self.cell.items())
 
 
@@ -72,50 +72,55 @@ class Runs:
 
     Attributes:
         name: Its name.
-        study: What makes points of settings.
-        cases: The settings, those of one cell behind each other, by growing factor.
+        study: The set as a study of its own.
+        conditions: The settings, those of one cell behind each other, by growing factor.
         seeds: The seeds of each.
     """
 
     name: str
     study: Study
-    cases: tuple[Case, ...]
+    conditions: tuple[Condition, ...]
     seeds: range
 
     @property
     def count(self) -> int:
         """How many runs a candidate needs."""
-        return len(self.cases) * len(self.seeds)
+        return len(self.conditions) * len(self.seeds)
 
 
-def make_runs(name: str, spec: RunSet, seeds: Seeds, document: Document, place: Place) -> Runs:
+def make_runs(
+    name: str, spec: RunSet, seeds: Seeds, document: Document, place: Place, measures: Settings
+) -> Runs:
     """The runs of a set.
 
     Args:
         name: Its name.
         spec: What the file says of it.
         seeds: The seeds.
+        measures: Measures that the objective adds to those of the scenario, as fields by path.
         document: The file of the tuning.
         place: Where the set stands in it.
 
     Raises:
         InputError: What is scaled has no value, or none that can be scaled.
     """
-    study = _study(name, spec, seeds, document, place)
-    cases = []
+    study = _study(name, spec, seeds, document, place, measures)
+    conditions = []
     for cell in study.cells:
         places = {path: (*place, *inner) for path, inner in cell.places.items()}
         for path, factors in spec.scale.items():
             given = {**study.file.set, **cell.settings}
             for factor in factors:
                 settings = {**cell.settings, path: _scaled(given, path, factor, document, place)}
-                cases.append(Case(cell.texts, factor, settings, {path: (*place, "scale", path)} | places))
+                conditions.append(Condition(cell.texts, factor, settings, {path: (*place, "scale", path)} | places))
         if not spec.scale:
-            cases.append(Case(cell.texts, 1.0, cell.settings, places))
-    return Runs(name, study, tuple(cases), seeds.each())
+            conditions.append(Condition(cell.texts, 1.0, cell.settings, places))
+    return Runs(name, study, tuple(conditions), seeds.each())
 
 
-def _study(name: str, spec: RunSet, seeds: Seeds, document: Document, place: Place) -> Study:
+def _study(
+    name: str, spec: RunSet, seeds: Seeds, document: Document, place: Place, measures: Settings
+) -> Study:
     """The set as a study of its own, whose parts know where they stand in the file of the tuning."""
     whole: Any = document.data  # a mapping with what `place` names: it has been validated
     inner = whole
@@ -123,7 +128,7 @@ def _study(name: str, spec: RunSet, seeds: Seeds, document: Document, place: Pla
         inner = inner[part]
     data: dict[str, Any] = {key: whole[key] for key in _OF_A_STUDY if key in whole}
     data |= {"study": name, "seeds": seeds.model_dump(), "axes": inner.get("axes", {})}
-    data["set"] = {**data.get("set", {}), **spec.set}
+    data["set"] = {**data.get("set", {}), **spec.set, **measures}
     if "watch" in inner:
         data["watch"] = inner["watch"]
     marks: dict[Place, Mark] = {at: mark for at, mark in document.marks.items() if at[:1] != ("tune",)}

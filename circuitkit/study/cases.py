@@ -1,4 +1,4 @@
-"""Points: everything that determines a run but its seed."""
+"""Cases: everything that determines a run but its seed."""
 
 from __future__ import annotations
 
@@ -12,55 +12,76 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from circuitkit.circuit import CircuitGraph
 from circuitkit.control import ControllerSpec
-from circuitkit.biped.gait import GaitSpec
-from circuitkit.simulation import Plan, Scenario
+from circuitkit.simulation import Plan, Reference, RunSpec, Scenario
+from circuitkit.simulation.plan import Body, Circuits, make_body
 
-FILES = ("robot", "gait", "controller", "circuit")  # keys of a scenario that name files
+FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
 _NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself
+_OWN_FORM = {"disturbances", "measures", "reference"}  # keys that are written as in a file, without empty kinds
 
 
 @dataclass(frozen=True)
-class Point:
+class Case:
     """Everything that determines a run but its seed; it is checked, and can be sent elsewhere.
 
     Attributes:
         scenario: The scenario, with its own duration.
-        gait: The walk's numbers.
+        reference: What its commands are added to.
         controller: `open_loop` or `circuit`, or the numbers of a controller file.
-        circuit: The circuit, in use or not.
-        yardstick: The circuit whose thresholds count if this one has none.
+        circuits: The circuit, in use or not, and where it came from.
         circuit_settings: What was set in the circuit.
+        numbers: What the files of reference, controller and robot say, by key, as JSON data; None for a file
+            that is as it ships or lies, or for none.
         inputs: Fingerprint of what each of its files says, by kind and name.
     """
 
     scenario: Scenario
-    gait: GaitSpec
+    reference: Reference
     controller: str | ControllerSpec
-    circuit: CircuitGraph
-    yardstick: CircuitGraph | None
+    circuits: Circuits
     circuit_settings: Mapping[str, str]
+    numbers: Mapping[str, Any]
     inputs: Mapping[str, str]
 
-    def plan(self) -> Plan:
-        """The plan of its runs."""
-        from circuitkit.study.jobs import plan_of
+    def plan(self, body: Body | None = None) -> Plan:
+        """The plan of its runs.
 
-        return plan_of(self)
+        Args:
+            body: Robot and motion, if they are there already; those of another case with the same `body_key`.
+        """
+        made = make_body(self.scenario, self.reference, self.circuits.used) if body is None else body
+        return Plan(self.scenario, self.reference, made, self.circuits)
+
+    def spec(self, seed: int) -> RunSpec:
+        """One of its runs."""
+        return RunSpec(seed, self.scenario.befalling)
+
+    @cached_property
+    def body_key(self) -> str:
+        """The same for cases whose robot and its motion are the same."""
+        names = {"servo_profile", "duration", "control_step", "until"}
+        changing = [(each.kind, each) for each in self.scenario.befalling if each.changes_model]
+        files = [content for name, content in self.inputs.items() if name.partition(" ")[0] in {"robot", "reference"}]
+        step_s = None if self.circuits.used is None else self.circuits.used.step_s
+        scenario = self.scenario.model_dump(mode="json", include=names)
+        return fingerprint((scenario, self.scenario.formulas, changing, files, step_s))
 
     @cached_property
     def shared_key(self) -> str:
-        """The same for points that differ in nothing but pushes, whose robots can be stepped together."""
-        scenario = self.scenario.model_dump(mode="json", exclude={*_NAMES, "pushes"})
+        """The same for cases that differ in nothing but what may differ in a batch: their robots can be stepped together."""
+        scenario = self.scenario.model_dump(mode="json", exclude={*_NAMES, *_OWN_FORM})
+        shared = [(each.kind, each) for each in self.scenario.befalling if not each.per_robot]
+        measures = [self.scenario.formulas, [(each.kind, each) for each in self.scenario.measure_kinds]]
         files = [(name.partition(" ")[0], content) for name, content in self.inputs.items()]
         controller = self.controller if isinstance(self.controller, str) else None
-        return fingerprint((scenario, controller, files))
+        return fingerprint((scenario, shared, measures, controller, files))
 
     @cached_property
     def key(self) -> str:
-        """The same for points whose runs are the same."""
-        return fingerprint((self.shared_key, self.scenario.model_dump(mode="json", include={"pushes"})))
+        """The same for cases whose runs are the same."""
+        apart = [(each.kind, each) for each in self.scenario.befalling if each.per_robot]
+        return fingerprint((self.shared_key, apart))
 
     def run_key(self, seed: int) -> str:
         """The name of a run: equal for equal runs."""
@@ -73,18 +94,26 @@ class Point:
     @cached_property
     def _description(self) -> str:
         everything = {
-            **self.scenario.model_dump(mode="json"),
+            **_as_in_a_file(self.scenario),
             "seed": _SEED_MARK,
             "circuit_settings": dict(self.circuit_settings),
-            "gait_numbers": self.gait.model_dump(mode="json"),
-            "controller_numbers": None
-            if isinstance(self.controller, str)
-            else self.controller.model_dump(mode="json"),
+            **{f"{key}_numbers": numbers for key, numbers in self.numbers.items()},
         }
         return json.dumps(everything, ensure_ascii=False).replace(f'"{_SEED_MARK}"', _SEED_MARK, 1)
 
 
 _SEED_MARK = "\N{SYMBOL FOR SUBSTITUTE}seed"
+
+
+def _as_in_a_file(scenario: Scenario) -> dict[str, Any]:
+    """A scenario as data: every key with its value in SI units, and of the kinds only those that it uses."""
+    data = scenario.model_dump(mode="json", exclude={*_OWN_FORM, "robot"})
+    data["robot"] = scenario.robot if isinstance(scenario.robot, str) else scenario.robot.robot
+    data["reference"] = scenario.model_dump(mode="json", include={"reference"}, exclude_unset=True).get("reference")
+    data["disturbances"] = [{each.kind: each.model_dump(mode="json")} for each in scenario.befalling]
+    kinds = {each.kind: each.model_dump(mode="json") for each in scenario.measure_kinds}
+    data["measures"] = {**scenario.formulas, **kinds}
+    return data
 
 
 def fingerprint(value: object) -> str:
