@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError, listing, suggest
 from circuitkit.base.units import Unit, parse_quantity, parse_unit
-from circuitkit.circuit.expressions.dimensions import OpenDimension, check_dimension, dimension_of, named_symbol
+from circuitkit.circuit.expressions.dimensions import (
+    OpenDimension,
+    check_dimension,
+    dimension_of,
+    named_symbol,
+)
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
