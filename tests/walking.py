@@ -11,13 +11,13 @@ import numpy as np
 
 from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import WalkReference
-from circuitkit.biped.gait import LEG_JOINTS, load_gait
+from circuitkit.biped.gait import LEG_JOINTS, GaitSpec, Walk, load_gait
 from circuitkit.biped.references import GaitReference
 from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.biped.view import BipedView
 from circuitkit.control import Interface
-from circuitkit.robots import RobotModel, build_model, load_robot
-from circuitkit.simulation import Disturbance, Plan, Recording, RunSpec, Scenario, load_scenario, make_plan
+from circuitkit.robots import RobotModel, Worlds, build_model, load_robot
+from circuitkit.simulation import Disturbance, Motion, Plan, Recording, RunSpec, Scenario, load_scenario, make_plan
 from circuitkit.simulation.disturbances.fault import Fault
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.loop import run_loop
@@ -84,6 +84,25 @@ def known_of(plan: Plan) -> WalkReference:
 def interface_of(known: WalkReference) -> Interface:
     """What a controller gets to know of a NAO on a walk."""
     return Interface(nao().channel_units, nao().command_units, known.step_s, planned_channels(known), known)
+
+
+def walk_of_nao(gait: GaitSpec, ticks: int) -> tuple[Walk, Motion]:
+    """A walk that is right for the NAO, and what its servos are to do."""
+    motion = GaitReference(gait).motion(nao(), ticks, gait.control_step)
+    return motion.knowledge.walk, motion
+
+
+def naos(
+    motion: Motion,
+    commands: Sequence[str] = (),
+    batch: int = 1,
+    threads: int | None = None,
+    robot: RobotModel | None = None,
+) -> Worlds:
+    """NAOs at the start of a walk, in control steps of 10 ms."""
+    made = Worlds(robot or nao(), 0.01, motion.targets, motion.start_qpos, commands, batch, threads)
+    made.begin()
+    return made
 
 
 def walk_all(plan: Plan, controller: Any, specs: Sequence[RunSpec]) -> Recording:
