@@ -50,6 +50,7 @@ def rename_everything(mjcf: ET.ElementTree) -> dict[str, str]:
 def renamed_robot(folder: Path) -> Path:
     """The NAO under other names: an MJCF without any of the old ones, and the robot file for it."""
     mjcf, robot = shipped_mjcf(), shipped_file()
+    joints = [joint.attrib["name"] for joint in mjcf.getroot().find("worldbody").iter("joint")]
     new = rename_everything(mjcf)
     biped = robot["biped"]
     biped["torso"], biped["imu"] = new[biped["torso"]], new[biped["imu"]]
@@ -60,6 +61,6 @@ def renamed_robot(folder: Path) -> Path:
     for profile in robot["servos"].values():
         for servo in profile:
             servo["joints"] = [
-                new[name] for name in new for pattern in servo["joints"] if Path(name).match(pattern)
+                new[name] for name in joints for pattern in servo["joints"] if Path(name).match(pattern)
             ]
     return write_robot(folder, robot, mjcf)
