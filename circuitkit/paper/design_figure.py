@@ -22,7 +22,7 @@ from circuitkit.draw.style import (
     save_figure,
     tidy,
 )
-from circuitkit.biped.gait import design as eq
+from circuitkit.paper import equations as eq
 from circuitkit.paper.design_sheet import Bound, Sheet, show
 
 if TYPE_CHECKING:
