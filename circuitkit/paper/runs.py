@@ -1,4 +1,4 @@
-"""Runs of a plan: with a controller by its name, without the pushes, and the moment at which a push begins."""
+"""Runs a plan with a controller by its name or without pushes, and finds the moment of a push."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Makes the paper's figures, and what it left open, with a report that sets its claims beside ours.
 
-`figure` finds the figures, each a class in a module of this package; `job` is what a figure gets, `finding` what
-it returns; `run` makes them one after the other and `report` writes them down.
+`figure` finds the figures, each a class in a module of this package; `job` is what a figure gets, `finding`
+what it returns; `run` makes them one after the other and `report` writes them down.
 """
 
 from circuitkit.paper.reproduce.figure import FIGURES, Effort, ReportFigure

@@ -14,7 +14,7 @@ from circuitkit.paper.reproduce.drawing import BAND, PUSH_FILL, PUSHED, WIDTH_IN
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import median_and_range, one_line
+from circuitkit.paper.reproduce.numbers import median_range, one_line
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,
@@ -50,7 +50,7 @@ class Fig10(ReportFigure):
     effort: ClassVar[Effort] = Effort(full_s=15.0, quick_s=8.0)
 
     def run(self, job: Job) -> Finding:
-        """Record the pushed walk under the BiNN, measure its times beyond the thresholds, and draw the ZMP."""
+        """Record the pushed walk under the BiNN, measure its times beyond the thresholds, draw the ZMP."""
         seeds = QUICK_SEEDS if job.quick else SEEDS
         walk = record_pushed_walk("circuit", seeds)
         cells, pressure = zmp_as_read_m(walk), walk.view.centre_of_pressure_m[..., 1]
@@ -94,7 +94,8 @@ def _claim(found: Sequence[Excursions]) -> Claim:
     return Claim(
         "After crossing the threshold the ZMP is back inside in 0.084 s",
         "0.084 s",
-        f"{median_and_range(first, 's')} to the first return; {median_and_range(calm, 's')} until inside for a whole step",
+        f"{median_range(first, 's')} to the first return; "
+        f"{median_range(calm, 's')} until inside for a whole step",
         "ZMP that the circuit reads, from the first control step beyond a threshold after the push",
         verdict,
         why=one_line(why) if verdict is Verdict.PARTLY else "",
@@ -119,10 +120,10 @@ def _table(measured: Mapping[str, Sequence[Excursions]]) -> Table:
     rows = tuple(
         (
             name,
-            median_and_range([each.first for each in found], "s"),
-            median_and_range([each.longest for each in found], "s"),
-            median_and_range([each.total for each in found], "s"),
-            median_and_range([each.until_calm for each in found], "s"),
+            median_range([each.first for each in found], "s"),
+            median_range([each.longest for each in found], "s"),
+            median_range([each.total for each in found], "s"),
+            median_range([each.until_calm for each in found], "s"),
         )
         for name, found in measured.items()
     )

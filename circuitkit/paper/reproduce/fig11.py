@@ -38,7 +38,7 @@ class Fig11(ReportFigure):
     effort: ClassVar[Effort] = Effort(full_s=900.0, quick_s=115.0)
 
     def run(self, job: Job) -> Finding:
-        """Search the largest survived forces, set them beside the bound and the paper's numbers, draw them."""
+        """Search the largest survived forces, set them beside the bound and the paper's, draw them."""
         study = load_study(STUDY)
         study = study.with_(_QUICK) if job.quick else study
         through_com = load_study(THROUGH_COM)

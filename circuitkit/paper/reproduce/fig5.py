@@ -74,14 +74,14 @@ class Fig5(ReportFigure):
         pictures = (
             Picture(
                 "fig5.png",
-                "The network of `circuits/binn_lateral.yaml`. Excitatory neurons are round, inhibitory ones have "
-                "eight corners; a line with a bar inhibits.",
+                "The network of `circuits/binn_lateral.yaml`. Excitatory neurons are round, inhibitory ones "
+                "have eight corners; a line with a bar inhibits.",
                 "Graph of 11 neurons from two inputs on the left to the correction of the ankle on the right",
             ),
             Picture(
                 "fig5_answers.png",
-                "What the network answers when the ZMP stands still, for each way of standing. Vertical lines: "
-                "the edges of the support polygon.",
+                "What the network answers when the ZMP stands still, for each way of standing. Vertical "
+                "lines: the edges of the support polygon.",
                 "Three panels, one for each way of standing, with the outputs of p1 and p2 over the ZMP",
             ),
         )

@@ -46,7 +46,7 @@ class Fig6(ReportFigure):
     effort: ClassVar[Effort] = Effort(full_s=4.0, quick_s=4.0)
 
     def run(self, job: Job) -> Finding:
-        """Draw the curves of the circuit's neurons and those of eq. 12, and check what the text says of them."""
+        """Draw the curves of the circuit's neurons and those of eq. 12, and check what the text says."""
         graph = load_circuit(CIRCUIT)
         neurons = {neuron.name: neuron for neuron in graph.neurons}
         for suffix in ("png", "pdf"):

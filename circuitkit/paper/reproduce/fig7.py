@@ -121,15 +121,16 @@ class Fig7(ReportFigure):
         pictures = (
             Picture(
                 save(design_figure(sheet), job.folder, "fig7"),
-                "Left, as in the paper: w by eq. 21 against the force of a push of 0.2 s, with the bound of eq. "
-                "22. Right, what the paper does not show: how the bounds depend on the push's duration.",
+                "Left, as in the paper: w by eq. 21 against the force of a push of 0.2 s, with the bound of "
+                "eq. 22. Right, what the paper does not show: how the bounds depend on the push's duration.",
                 "Two panels: w over force with the stable region above a line, and force over duration",
             ),
             Picture(
                 save(_measured_figure(planes, sheet), job.folder, "fig7_measured"),
-                "Which part of the runs is survived: dark all, white none. Dashed: eq. 21 for either sign of w, "
-                "by which the runs above the upper and below the lower line survive. Upright lines: the bounds "
-                "of eq. 22 and of the DCM, for the push on the torso and for one at the centre of mass.",
+                "Which part of the runs is survived: dark all, white none. Dashed: eq. 21 for either sign of "
+                "w, by which the runs above the upper and below the lower line survive. Upright lines: the "
+                "bounds of eq. 22 and of the DCM, for the push on the torso and for one at the centre of "
+                "mass.",
                 "Two planes of w and force, for pushes outward and inward, in shades of grey",
             ),
         )

@@ -96,8 +96,8 @@ class Fig8(ReportFigure):
         loop = time_in_the_loop(plan, ("circuit", "mpc", "mpc_full", "dcm_ankle"), seeds)
         file = save(_figure(_bars(alone)), job.folder, "fig8")
         caption = (
-            "Computation time of a step, on a logarithmic scale. Dark: measured on one core of the machine that "
-            "made this report. Pale: as the paper quotes it, from other machines and for other tasks."
+            "Computation time of a step, on a logarithmic scale. Dark: measured on one core of the machine "
+            "that made this report. Pale: as the paper quotes it, from other machines and for other tasks."
         )
         picture = Picture(
             file, caption, "Bars of computation times from a microsecond to a third of a second"

@@ -13,7 +13,7 @@ from circuitkit.paper.reproduce.drawing import CYCLE, PUSH_FILL, PUSHED, WIDTH_I
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, median_and_range, one_line
+from circuitkit.paper.reproduce.numbers import count, median_range, one_line
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,
@@ -56,9 +56,9 @@ class Fig9(ReportFigure):
         picture = _draw(job, walk, record_pushed_walk("open_loop", seeds[:1]))
         text = one_line(f"""
             The scenario `nao_push` is the paper's first simulation study: a push of 20 N for 0.2 s, sideways,
-            in the movement *lift* of single support. Under the BiNN {median_and_range(returned, "s")} pass from the
-            push until the centre of mass stays within 5 mm of its limit cycle, in the plane of position and
-            velocity/ω; the cycle is the mean of the double steps before the push.""")
+            in the movement *lift* of single support. Under the BiNN {median_range(returned, "s")} pass from
+            the push until the centre of mass stays within 5 mm of its limit cycle, in the plane of position
+            and velocity/ω; the cycle is the mean of the double steps before the push.""")
         return Finding(
             figure=job.figure,
             title=self.title,
@@ -121,7 +121,7 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
         Claim(
             "The CoM returns to its limit cycle",
             "returns",
-            f"returns in {count(back, len(returned))} runs, after {median_and_range(returned, 's')}",
+            f"returns in {count(back, len(returned))} runs, after {median_range(returned, 's')}",
             "CoM (y, velocity/ω) stays within 5 mm of its mean cycle before; circuit binn_lateral_tuned",
             _all_or_some(back, len(returned)),
             source="Fig. 9",

@@ -13,7 +13,7 @@ def one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def median_and_range(values: Sequence[float | None], unit: str, digits: int = 2) -> str:
+def median_range(values: Sequence[float | None], unit: str, digits: int = 2) -> str:
     """Median and range, such as `0.03 s (0.01 to 0.35 s)`; says how many there are none of.
 
     Args:

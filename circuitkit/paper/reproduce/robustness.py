@@ -39,7 +39,7 @@ class Robustness(ReportFigure):
     effort: ClassVar[Effort] = Effort(full_s=520.0, quick_s=80.0)
 
     def run(self, job: Job) -> Finding:
-        """Search the largest survived forces in every condition, with and without circuits; draw the ratios."""
+        """Search the largest survived forces in every condition, with and without circuits; draw ratios."""
         study = load_study(STUDY)
         study = study.with_(_QUICK) if job.quick else study
         forces = forces_by(job.sweep(study, apart="contender").limits(), "condition", "contender")
@@ -67,9 +67,9 @@ class Robustness(ReportFigure):
             that of the means; its interval (95 %) is a bootstrap over the seeds, which both share, so that it
             says what other noise and other moments of the push might have given; over so few seeds it is
             rather too narrow. Of {len(conditions)} intervals of 95 % one expects
-            {_MISSED * len(conditions):.1f} to miss the true ratio by chance, so a single condition that is just
-            sure, or just not, says little. The search of a seed takes the first boundary that bisection finds;
-            whether weaker pushes leave gaps below is not looked for."""),
+            {_MISSED * len(conditions):.1f} to miss the true ratio by chance, so a single condition that is
+            just sure, or just not, says little. The search of a seed takes the first boundary that bisection
+            finds; whether weaker pushes leave gaps below is not looked for."""),
             seeds=seeds_in_words(study),
             studies=(STUDY,),
             data={name: {each: vars(ratio) for each, ratio in own.items()} for name, own in ratios.items()},

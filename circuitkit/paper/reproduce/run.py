@@ -130,7 +130,7 @@ def inputs_digest() -> str:
 
 
 class Clock:
-    """Estimates how long the rest takes, by what the figures are known to take and how quick they went so far."""
+    """Estimates how long the rest takes, by what figures are known to take and how quick they went so far."""
 
     def __init__(self, efforts: Mapping[str, Effort], *, quick: bool, workers: int | None) -> None:
         """Set up.

@@ -1,4 +1,4 @@
-"""The paper's outlook: a step beside the ankles for what they cannot hold, and a circuit that hands over."""
+"""A step beside the ankles for what they cannot hold, and a circuit that hands over: the outlook."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Calm:
 
 
 class Stepping(ReportFigure):
-    """The paper's outlook: a step beside the ankles for what they cannot hold, and a circuit that hands over."""
+    """A step beside the ankles for what they cannot hold, and a circuit that hands over: the outlook."""
 
     kind: ClassVar[str] = "stepping"
     order: ClassVar[int] = 50
@@ -69,7 +69,7 @@ class Stepping(ReportFigure):
     effort: ClassVar[Effort] = Effort(full_s=160.0, quick_s=30.0)
 
     def run(self, job: Job) -> Finding:
-        """Search the largest forces, watch a walk that nobody pushes, draw a run that only a step survives."""
+        """Search the largest forces, watch a walk without pushes, draw a run that only a step survives."""
         study = load_study(STUDY)
         study = study.with_(_QUICK) if job.quick else study
         forces = measure(job, study)
@@ -83,7 +83,8 @@ class Stepping(ReportFigure):
             pictures=(_draw_forces(job, forces, len(seeds)), _draw_run(job, study, shown, forces)),
             tables=(_table(forces),),
             text=_text(study, calm),
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}; what is drawn and the walk without pushes: seed {seeds[0]}",
+            seeds=f"seeds {seeds[0]} to {seeds[-1]}; "
+            f"what is drawn and the walk without pushes: seed {seeds[0]}",
             studies=(STUDY,),
             data={
                 "largest_survived_n": listed(forces.survived),
