@@ -41,11 +41,12 @@ Ratios = Mapping[str, Ratio]
 
 
 class Ablation(ReportFigure):
-    """Ablation: what each neuron and each connection of a circuit is worth, by silencing it."""
+    """Silences each neuron and each connection of a circuit in turn."""
 
     kind: ClassVar[str] = "ablation"
     order: ClassVar[int] = 40
     title: ClassVar[str] = "Ablation: what each part of the circuit is worth"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
     effort: ClassVar[Effort] = Effort(full_s=340.0, quick_s=60.0)
 
     def run(self, job: Job) -> Finding:
@@ -78,7 +79,7 @@ class Ablation(ReportFigure):
             the seeds; over so few they are rather too narrow. The search of a seed takes the first
             boundary that bisection finds; whether weaker pushes leave gaps below is not looked for."""),
             seeds=seeds_in_words(study),
-            studies=(STUDY,),
+            studies=self.studies,
             data={
                 name: {each: vars(ratio) for each, ratio in ratios.items()} for name, ratios in found.items()
             },

@@ -42,7 +42,7 @@ _BY_CELLS, _BY_PRESSURE = "ZMP by the force cells, as the circuit reads it", "tr
 
 
 class Fig10(ReportFigure):
-    """Fig. 10: the ZMP over time, with the support polygon and the thresholds of the circuit."""
+    """Draws the ZMP of that run and measures how long it is beyond the thresholds."""
 
     kind: ClassVar[str] = "fig10"
     order: ClassVar[int] = 10

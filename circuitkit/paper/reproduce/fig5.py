@@ -57,7 +57,7 @@ _ON = 0.5
 
 
 class Fig5(ReportFigure):
-    """Figure 5: the network, and whether it is the one that section 4.2 describes."""
+    """Draws the network and holds it against section 4.2."""
 
     kind: ClassVar[str] = "fig5"
     order: ClassVar[int] = 5

@@ -38,7 +38,7 @@ _WIDTH, _HEIGHT, _LEFT, _BETWEEN, _TOP, _BOTTOM = 2.6, 1.8, 0.6, 0.5, 0.32, 1.05
 
 
 class Fig6(ReportFigure):
-    """Figure 6: the neurons' activation functions, and what shift and slope do to one."""
+    """Draws the neurons' curves and checks what the text says of them."""
 
     kind: ClassVar[str] = "fig6"
     order: ClassVar[int] = 6

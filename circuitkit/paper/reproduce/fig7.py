@@ -103,11 +103,12 @@ class Plane:
 
 
 class Fig7(ReportFigure):
-    """Figure 7: w against the force of a push, by eq. 21 and as measured, with the bounds."""
+    """Draws w against force by eqs. 21 and 22, and the survival measured over the same plane."""
 
     kind: ClassVar[str] = "fig7"
     order: ClassVar[int] = 7
     title: ClassVar[str] = "Figure 7: w against the force"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
     effort: ClassVar[Effort] = Effort(full_s=480.0, quick_s=45.0)
 
     def run(self, job: Job) -> Finding:
@@ -143,7 +144,7 @@ class Fig7(ReportFigure):
             tables=(_table(planes),),
             text=one_line(_TEXT),
             seeds=f"seeds {seeds[0]} to {seeds[-1]}",
-            studies=(STUDY,),
+            studies=self.studies,
             data=_data(sheet, planes, nao),
         )
 

@@ -71,7 +71,7 @@ QUOTED = (
 
 
 class Fig8(ReportFigure):
-    """Figure 8 and section 5.1: the computation time of a step."""
+    """Times a step of the network, beside a solve of the MPC."""
 
     kind: ClassVar[str] = "fig8"
     order: ClassVar[int] = 8

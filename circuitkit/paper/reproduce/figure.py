@@ -26,18 +26,20 @@ class Effort:
 
 
 class ReportFigure:
-    """Base of all figures.
+    """Base of all figures; the first line of a figure's docstring says in `docs/reproduce.md` what it makes.
 
     Attributes:
         kind: Its name, such as `fig11`.
         order: Where it stands in the report: the paper's figures by their number, others after them.
         title: Its heading in the report.
+        studies: Names of the studies that it runs.
         effort: How long it takes.
     """
 
     kind: ClassVar[str]
     order: ClassVar[int]
     title: ClassVar[str]
+    studies: ClassVar[tuple[str, ...]] = ()
     effort: ClassVar[Effort]
 
     def run(self, job: Job) -> Finding:

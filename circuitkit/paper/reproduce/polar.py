@@ -95,11 +95,12 @@ class Around:
 
 
 class Polar(ReportFigure):
-    """Pushes from all around: the largest force that is survived, by its direction (section 6's outlook)."""
+    """Searches the force survived from 24 directions; forward and to the side over durations."""
 
     kind: ClassVar[str] = "polar"
     order: ClassVar[int] = 20
     title: ClassVar[str] = "Pushes from all directions"
+    studies: ClassVar[tuple[str, ...]] = (STUDY, SAGITTAL, LATERAL)
     effort: ClassVar[Effort] = Effort(full_s=700.0, quick_s=90.0)
 
     def run(self, job: Job) -> Finding:
@@ -126,7 +127,7 @@ class Polar(ReportFigure):
             ),
             text=_text(around, study),
             seeds=f"seeds {study.seeds[0]} to {study.seeds[-1]}",
-            studies=(STUDY, SAGITTAL, LATERAL),
+            studies=self.studies,
             data={
                 "direction_deg": np.degrees(around.angles_rad).round(9),
                 "largest_survived_n": around.survived,

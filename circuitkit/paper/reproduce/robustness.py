@@ -31,11 +31,12 @@ Ratios = Mapping[str, Ratio]
 
 
 class Robustness(ReportFigure):
-    """Robustness: what circuits gain over the open loop in worlds for which they were not tuned."""
+    """Sets circuits beside the open loop on other floors, masses, sensors, servos, pushes and slopes."""
 
     kind: ClassVar[str] = "robustness"
     order: ClassVar[int] = 30
     title: ClassVar[str] = "Robustness of the result"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
     effort: ClassVar[Effort] = Effort(full_s=520.0, quick_s=80.0)
 
     def run(self, job: Job) -> Finding:
@@ -71,7 +72,7 @@ class Robustness(ReportFigure):
             just sure, or just not, says little. The search of a seed takes the first boundary that bisection
             finds; whether weaker pushes leave gaps below is not looked for."""),
             seeds=seeds_in_words(study),
-            studies=(STUDY,),
+            studies=self.studies,
             data={name: {each: vars(ratio) for each, ratio in own.items()} for name, own in ratios.items()},
         )
 

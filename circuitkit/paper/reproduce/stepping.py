@@ -61,11 +61,12 @@ class Calm:
 
 
 class Stepping(ReportFigure):
-    """A step beside the ankles for what they cannot hold, and a circuit that hands over: the outlook."""
+    """Steps where the ankles cannot hold a push any more."""
 
     kind: ClassVar[str] = "stepping"
     order: ClassVar[int] = 50
     title: ClassVar[str] = "Stepping beside the ankles"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
     effort: ClassVar[Effort] = Effort(full_s=160.0, quick_s=30.0)
 
     def run(self, job: Job) -> Finding:
@@ -85,7 +86,7 @@ class Stepping(ReportFigure):
             text=_text(study, calm),
             seeds=f"seeds {seeds[0]} to {seeds[-1]}; "
             f"what is drawn and the walk without pushes: seed {seeds[0]}",
-            studies=(STUDY,),
+            studies=self.studies,
             data={
                 "largest_survived_n": listed(forces.survived),
                 "bound_n": list(forces.bound.values()),
