@@ -15,14 +15,20 @@ from circuitkit.biped.gait import SIDES, GaitSpec, load_gait
 from circuitkit.biped.gait.lipm import com_from_zmp, dcm
 from circuitkit.biped.gait.pattern import joint_angles
 from circuitkit.biped.gait.schedule import plan_steps
-from circuitkit.biped.robot import BipedBody, biped_of
+from circuitkit.biped.robot import BipedBlock, BipedBody, biped_of
 from circuitkit.paper.design_sheet import Body, Reach
-from circuitkit.robots import RobotModel, build_model, load_robot
+from circuitkit.robots import RobotModel, build_model, load_robot, shipped_robots
 
 PUSHED_AT = 0.2  # of single support: 40 % of `lift`, as in sims/nao_push.yaml
 _LEAN_RAD = math.radians(5.0)  # the CoM shifts in proportion to the sine; any angle gives the same lever
 _STEPS = 12  # of the walk; the one in the middle feels neither its beginning nor its end
 _MIDDLE = 6  # a step in which the left foot carries
+
+
+def shipped_bipeds() -> tuple[str, ...]:
+    """Names of the shipped robots to which the design equations apply."""
+    names = shipped_robots()
+    return tuple(name for name in names if getattr(load_robot(name), BipedBlock.kind, None) is not None)
 
 
 def robot_and_reaches(

@@ -12,7 +12,7 @@ from circuitkit.paper.reproduce import FIGURES
 
 @pytest.fixture(autouse=True)
 def figures(monkeypatch):
-    made = {"fig9": made_up_figure(), "fig10": made_up_figure()}
+    made = {"fig9": made_up_figure(9), "fig10": made_up_figure(10)}
     monkeypatch.setattr(FIGURES, "kinds", made)
     return made
 
