@@ -197,14 +197,12 @@ def _robot(name: str | None, gait: str | None, moment: float | None) -> tuple[Bo
     if name is None:
         return PAPER_BODY, (PAPER_REACH,)
     from circuitkit.base.errors import InputError, Problem, UnknownNameError, listing, suggest
-    from circuitkit.paper.design import PUSHED_AT, robot_and_reaches
+    from circuitkit.paper.design import PUSHED_AT, robot_and_reaches, shipped_bipeds
 
     try:
         return robot_and_reaches(name, gait or "gait_march", PUSHED_AT if moment is None else moment)
     except UnknownNameError as error:
-        from circuitkit.robots import shipped_robots
-
-        names = shipped_robots()
+        names = shipped_bipeds()
         message = f"unknown robot '{name}'; allowed: {listing(names)}, or the path of a robot.yaml"
         raise InputError(Problem("", 0, 0, "--robot", message, suggest(name, names))) from error
 

@@ -30,7 +30,7 @@ def reproduce(
         list[str] | None,
         typer.Argument(
             metavar="[FIGURE...]",
-            help="fig5 to fig11, polar, robustness, ablation or stepping; all, if none is named.",
+            help="Such as fig9 or robustness; all, if none is named. An unknown name lists them.",
         ),
     ] = None,
     *,
@@ -62,7 +62,7 @@ def reproduce(
         raise typer.BadParameter(message, param_hint="--output")
     from circuitkit.paper.reproduce import reproduce as make
 
-    made = make(figures or [], output, quick=quick, workers=workers, again=again, progress=True, say=note)
+    made = make(figures or [], output, quick=quick, workers=workers, again=again, progress=True, log=note)
     claims = [(finding.figure, claim) for finding in made.findings for claim in finding.claims]
     if as_json:
         print_json([{"figure": figure, **asdict(claim)} for figure, claim in claims])

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.biped.gait import design as eq
 from circuitkit.draw.style import (
     CYCLE,
     INK,
@@ -23,6 +22,7 @@ from circuitkit.draw.style import (
     save_figure,
     tidy,
 )
+from circuitkit.paper import equations as eq
 from circuitkit.paper.design_sheet import Bound, Sheet, show
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.units import format_quantity, parse_unit
-from circuitkit.biped.gait import design as eq
+from circuitkit.paper import equations as eq
 
 PAPER_GAMMA = 1.01  # Fig. 7
 PAPER_STEP_S = 0.01  # section 5.1

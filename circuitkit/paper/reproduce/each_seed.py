@@ -43,7 +43,7 @@ def paired_ratio(mine: Array, theirs: Array) -> Ratio:
 
     The seeds are drawn again with replacement, some thousand times; with each goes what both survived under
     it, in all kinds of pushes, since the same seed means the same noise and the same moment for both. The
-    interval holds the middle 95 % of the ratios. It tells what other seeds might have given, not what the
+    interval holds the middle 95 % of the ratios. It says what other seeds might have given, not what the
     grid of forces hides.
 
     Args:
@@ -65,7 +65,7 @@ def forces_by(limits: Sequence[Limit], *axes: str) -> Mapping[tuple[str, ...], A
 
     Args:
         limits: Of a study that searches the limit of each seed.
-        axes: The axes to tell apart; what varies along the others are kinds of pushes.
+        axes: The axes to keep apart; what varies along the others are kinds of pushes.
 
     Returns:
         Arrays of shape (kinds of pushes, seeds), [N].

@@ -172,18 +172,18 @@ def agrees(ours: float | None, paper: float, within: float) -> Verdict:
     return Verdict.HOLDS if off <= within else Verdict.PARTLY if off <= 3 * within else Verdict.FAILS
 
 
-def reaches(ours: float | None, wanted: float, at_least: float = math.inf) -> Verdict:
-    """Whether a number is as large as claimed: it holds from `wanted` on, in part above `at_least`.
+def reaches(ours: float | None, target: float, at_least: float = math.inf) -> Verdict:
+    """Whether a number is as large as claimed: it holds from `target` on, in part above `at_least`.
 
     Args:
         ours: What was measured; None or not a number if it could not be.
-        wanted: What is claimed, in the same unit.
+        target: What is claimed, in the same unit.
         at_least: What still speaks for the claim, such as 1 for a ratio that is claimed to be 1.5; nothing by
             default.
     """
     if ours is None or math.isnan(ours):
         return Verdict.FAILS
-    if ours >= wanted:
+    if ours >= target:
         return Verdict.HOLDS
     return Verdict.PARTLY if ours > at_least else Verdict.FAILS
 

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
-from circuitkit.simulation.disturbance import direction_of, push_start
+from circuitkit.paper.runs import plan_of, push_moment
+from circuitkit.simulation.disturbances.push import direction_of
 
 if TYPE_CHECKING:
     from circuitkit.paper.reproduce.job import Job
     from circuitkit.simulation import Plan
     from circuitkit.study import Limit, Study
 
-DIRECTION, DURATION = "pushes[0].direction", "pushes[0].duration"
+DIRECTION, DURATION = "push.direction", "push.duration"
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def measure(job: Job, study: Study) -> Forces:
     limits = job.sweep(study, apart="contender").limits()
     survived = by_contender(limits)
     kinds = tuple(next(iter(survived.values())))
-    bound, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)
+    bound, point_mass = bounds(plan_of(study), kinds)
     return Forces(survived, bound, point_mass, fall_unpushed(limits), circuits_of(study))
 
 
@@ -123,10 +124,10 @@ def bounds(plan: Plan, kinds: Iterable[PushKind]) -> tuple[dict[PushKind, float]
     Returns:
         For the push where it is, and for the same at the height of the centre of mass.
     """
-    _, support = push_start(plan.scenario.pushes[0], plan.walk)
+    moment = push_moment(plan.scenario, plan.reference)
     upright, point_mass = {}, {}
     for kind in kinds:
-        forward, left, _ = direction_of(kind.direction, support)
+        forward, left, _ = direction_of(kind.direction, moment)
         found = dcm_bounds_around(plan, np.array([math.atan2(left, forward)]), kind.duration_s)
         upright[kind], point_mass[kind] = float(found.upright_n[0]), float(found.point_mass_n[0])
     return upright, point_mass

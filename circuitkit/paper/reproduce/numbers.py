@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 
-def words(text: str) -> str:
+def one_line(text: str) -> str:
     """A text that is broken into lines for the eyes of who writes it, in one line."""
     return " ".join(text.split())
 
 
-def spread(values: Sequence[float | None], unit: str, digits: int = 2) -> str:
+def median_range(values: Sequence[float | None], unit: str, digits: int = 2) -> str:
     """Median and range, such as `0.03 s (0.01 to 0.35 s)`; says how many there are none of.
 
     Args:

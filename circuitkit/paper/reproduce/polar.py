@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,13 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.paper.push_bounds import BoundsAround, dcm_bounds_around
-from circuitkit.paper.reproduce.drawing import LOOKS, WIDTH_IN, Look, save
+from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, LineStyle, save
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
 from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bounds, by_contender
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, words
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
+from circuitkit.paper.runs import plan_of
 from circuitkit.study import load_study
 
 if TYPE_CHECKING:
@@ -37,22 +39,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Pushes from all directions"
-EFFORT = Effort(full_s=700.0, quick_s=90.0)
 STUDY, SAGITTAL, LATERAL = "polar", "sagittal", "planar_lateral"
 OPEN, PLANAR, OMNI = "open_loop", "binn_planar_tuned", "binn_omnidirectional_tuned"
 OUTLINE_RAD = np.radians(np.arange(360))
-WANTED = 0.95  # of the lateral network's force, that the planar one shall keep
+TARGET = 0.95  # of the lateral network's force, that the planar one shall keep
 _BEYOND = "beyond the paper (section 6)"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 3}, "search": {"step": "2 N", "check_below": 0}}
 _QUICK_AROUND: Mapping[str, Any] = {DIRECTION: [f"{angle} deg" for angle in range(0, 360, 30)]}
 _QUICK_LINES: Mapping[str, Any] = {DURATION: ["0.2 s"]}
-_LOOKS: Mapping[str, Look] = {
-    "point_mass": LOOKS["point_mass"],
-    "bound": LOOKS["bound"],
-    OPEN: LOOKS[OPEN],
-    PLANAR: Look("planar circuit (2 networks)", EXCITATORY, "-", "s"),
-    OMNI: Look("omnidirectional circuit (3 networks)", INHIBITORY, (0, (3, 1.5)), "D", filled=False),
+_STYLES: Mapping[str, LineStyle] = {
+    "point_mass": STYLES["point_mass"],
+    "bound": STYLES["bound"],
+    OPEN: STYLES[OPEN],
+    PLANAR: LineStyle("planar circuit (2 networks)", EXCITATORY, "-", "s"),
+    OMNI: LineStyle("omnidirectional circuit (3 networks)", INHIBITORY, (0, (3, 1.5)), "D", filled=False),
 }
 _NAMES = {
     "binn": "binn_sagittal, as the paper reads",
@@ -94,34 +94,48 @@ class Around:
         return int((self.survived[contender] >= self.survived[OPEN]).sum())
 
 
-def run(job: Job) -> Finding:
-    """Search the boundary in each direction, and along x and y that of the networks for one direction."""
-    study = _study(job, STUDY, _QUICK_AROUND)
-    around = measure(job, study)
-    ahead = _along(job, SAGITTAL, {**_QUICK_LINES, "gait": ["gait_march"]}, {"gait": ["gait_march"]})
-    sides = _along(job, LATERAL, _QUICK_LINES)
-    runs = len(study.seeds)
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=_claims(around, ahead, sides, runs),
-        pictures=(_draw(job, around, runs),),
-        tables=(
-            _table(around),
-            _line_table(ahead, "Largest force survived in all runs, to the front and to the back [N]"),
-            _line_table(sides, "Largest force survived in all runs, to the side [N]"),
-        ),
-        text=_text(around, study),
-        seeds=f"seeds {study.seeds[0]} to {study.seeds[-1]}",
-        studies=(STUDY, SAGITTAL, LATERAL),
-        data={
-            "direction_deg": np.degrees(around.angles_rad).round(9),
-            "largest_survived_n": around.survived,
-            "bound_torso_upright_n": around.bounds.upright_n,
-            "bound_point_mass_n": around.bounds.point_mass_n,
-            "duration_s": around.duration_s,
-        },
-    )
+class Polar(ReportFigure):
+    """Searches the force survived from 24 directions; forward and to the side over durations."""
+
+    kind: ClassVar[str] = "polar"
+    order: ClassVar[int] = 20
+    title: ClassVar[str] = "Pushes from all directions"
+    studies: ClassVar[tuple[str, ...]] = (STUDY, SAGITTAL, LATERAL)
+    effort: ClassVar[Effort] = Effort(full_s=700.0, quick_s=90.0)
+
+    def run(self, job: Job) -> Finding:
+        """Search the boundary in each direction, and along x and y that of the networks for one direction."""
+        study = _study(job, STUDY, _QUICK_AROUND)
+        around = measure(job, study)
+        ahead = _along(
+            job,
+            SAGITTAL,
+            {**_QUICK_LINES, "reference.gait": ["gait_march"]},
+            {"reference.gait": ["gait_march"]},
+        )
+        sides = _along(job, LATERAL, _QUICK_LINES)
+        runs = len(study.seeds)
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=_claims(around, ahead, sides, runs),
+            pictures=(_draw(job, around, runs),),
+            tables=(
+                _table(around),
+                _line_table(ahead, "Largest force survived in all runs, to the front and to the back [N]"),
+                _line_table(sides, "Largest force survived in all runs, to the side [N]"),
+            ),
+            text=_text(around, study),
+            seeds=f"seeds {study.seeds[0]} to {study.seeds[-1]}",
+            studies=self.studies,
+            data={
+                "direction_deg": np.degrees(around.angles_rad).round(9),
+                "largest_survived_n": around.survived,
+                "bound_torso_upright_n": around.bounds.upright_n,
+                "bound_point_mass_n": around.bounds.point_mass_n,
+                "duration_s": around.duration_s,
+            },
+        )
 
 
 def _study(
@@ -141,9 +155,8 @@ def measure(job: Job, study: Study) -> Around:
         forces.setdefault(str(limit.labels["contender"]), {})[angle] = limit.largest
     angles = np.array(sorted(next(iter(forces.values()))))
     survived = {name: np.array([found[angle] for angle in angles]) for name, found in forces.items()}
-    point = study.point({"controller": OPEN})
-    duration = point.scenario.pushes[0].duration
-    plan = point.plan()
+    plan = plan_of(study)
+    duration = plan.scenario.pushes[0].duration
     outline = dcm_bounds_around(plan, OUTLINE_RAD, duration)
     return Around(angles, survived, dcm_bounds_around(plan, angles, duration), outline, duration)
 
@@ -154,7 +167,7 @@ def _along(
     """The same along one axis, over durations."""
     study = _study(job, name, quick_axes, axes)
     survived = by_contender(job.sweep(study, apart="contender").limits())
-    plan = study.point_of(study.cells[0]).plan()
+    plan = plan_of(study, study.cells[0].settings)
     return Forces(survived, *bounds(plan, next(iter(survived.values()))))
 
 
@@ -189,7 +202,7 @@ def _claims(around: Around, ahead: Forces, sides: Forces, runs: int) -> tuple[Cl
             "-",
             signed_percent(kept),
             f"binn_planar_tuned over the lateral circuit in it alone; {how} durations and both directions",
-            reaches(kept, WANTED),
+            reaches(kept, TARGET),
             source=_BEYOND,
         ),
     )
@@ -209,7 +222,7 @@ def _gain(claim: str, contender: str, around: Around, how: str) -> Claim:
 def _text(around: Around, study: Study) -> str:
     seeds = len(study.seeds)
     step = study.search.step if study.search is not None else ""
-    return words(f"""
+    return one_line(f"""
         A push at the torso for {around.duration_s:g} s begins in *lift* while the left foot carries, marching
         on the spot, from {len(around.angles_rad)} directions: 0° is forward, 90° to the left, which is away
         from the foot in the air. A force counts as survived if the robot stands 5 s after the push in all
@@ -230,7 +243,7 @@ def _table(around: Around) -> Table:
         for i, angle in enumerate(around.angles_rad)
     )
     names = [*around.survived, "bound", "point_mass"]
-    headings = ("direction", *(f">{_LOOKS[name].label}" for name in names))
+    headings = ("direction", *(f">{_STYLES[name].label}" for name in names))
     return Table(
         f"Largest force survived in all runs for {around.duration_s:g} s, by direction [N]", headings, rows
     )
@@ -241,7 +254,7 @@ def _line_table(forces: Forces, caption: str) -> Table:
         (_NAMES.get(name, name), *(plain(own[kind]) for kind in forces.kinds))
         for name, own in forces.survived.items()
     ]
-    rows.append((_LOOKS["bound"].label, *(plain(forces.bound[kind]) for kind in forces.kinds)))
+    rows.append((_STYLES["bound"].label, *(plain(forces.bound[kind]) for kind in forces.kinds)))
     headings = ("", *(f">{kind.direction} {kind.duration_s:g} s" for kind in forces.kinds))
     return Table(caption, headings, tuple(rows))
 
@@ -249,7 +262,7 @@ def _line_table(forces: Forces, caption: str) -> Table:
 def _draw(job: Job, around: Around, runs: int) -> Picture:
     with house_style():
         file = save(figure_of(around), job.folder, "polar")
-    caption = words(f"""
+    caption = one_line(f"""
         Left, the largest force that the walk survives in all of {runs} runs, by the direction of the push,
         {around.duration_s:g} s long, seen from above while the left foot carries; dotted, the bound for any
         control with the ankles that keeps the torso upright, pushed there and, pale, at the height of the
@@ -278,7 +291,7 @@ def _polar(axes: Any, around: Around) -> None:  # noqa: ANN401 - matplotlib does
     curves = _curves(around)
     for name, (angles, values) in curves.items():
         closed = np.append(angles, angles[0]), np.append(values, values[0])
-        axes.plot(*closed, **_LOOKS[name].line(markersize=3.2, linewidth=1.2))
+        axes.plot(*closed, **_STYLES[name].line(markersize=3.2, linewidth=1.2))
     largest = max(float(values.max()) for _, values in curves.values())
     rings = np.arange(10, largest, 10)
     axes.set_rlim(0, largest * 1.03)
@@ -311,9 +324,9 @@ def _shares(axes: Axes, around: Around) -> None:
     """Parts of the bound over the direction."""
     tidy(axes)
     degrees = np.degrees(around.angles_rad)
-    axes.axhline(100.0, **{**_LOOKS["bound"].line(), "label": "_"})
+    axes.axhline(100.0, **{**_STYLES["bound"].line(), "label": "_"})
     for name, values in around.survived.items():
-        axes.plot(degrees, values / around.bounds.upright_n * 100, **_LOOKS[name].line(markersize=3.2))
+        axes.plot(degrees, values / around.bounds.upright_n * 100, **_STYLES[name].line(markersize=3.2))
     axes.set(xlim=(-5, 350), ylim=(0, None), xticks=range(0, 360, 90))
     axes.set_xticklabels([_direction(angle).replace("-\n", "") for angle in range(0, 360, 90)])
     axes.set_xlabel("direction of the push", fontsize=NORMAL - 1, color=INK)
