@@ -237,7 +237,11 @@ def _included_path(document: Document, name: str) -> Path:
     """Find the path of an included file: from here, or of a shipped circuit if it is a bare name."""
     path = Path(document.path).parent / name
     bare = not Path(name).suffix and len(Path(name).parts) == 1
-    return data_folder(FOLDER) / f"{name}.yaml" if bare and not path.exists() and name in shipped_names(FOLDER) else path
+    return (
+        data_folder(FOLDER) / f"{name}.yaml"
+        if bare and not path.exists() and name in shipped_names(FOLDER)
+        else path
+    )
 
 
 def _unreadable(path: Path, name: str) -> tuple[str, str]:

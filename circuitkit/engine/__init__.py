@@ -1,8 +1,8 @@
 """The engine: a `CircuitGraph` becomes a `Program` of frozen arrays, which steps a `State`; batch axis first.
 
-Read in the order in which the data flows: `compile` (graph to program, with `schedule` for the timings,
-`forms` and `layout` for what is computed side by side), `program` (the arrays), `state`, `run` (one step,
-many steps, a stepper for loops), `backends` (what does the arithmetic).
+Read in the order in which the data flows: `compile` (graph to program, by `lowering`), `program` (the
+arrays), `state`, `run` (one step, many steps, a stepper for loops), `kernels` (lends what does the
+arithmetic), `backends` (make it).
 """
 
 from circuitkit.engine.compile import compile_circuit

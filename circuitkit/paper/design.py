@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
+from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.biped.gait import SIDES, GaitSpec, load_gait
-from circuitkit.paper.design_sheet import Body, Reach
 from circuitkit.biped.gait.lipm import com_from_zmp, dcm
 from circuitkit.biped.gait.pattern import joint_angles
 from circuitkit.biped.gait.schedule import plan_steps
+from circuitkit.paper.design_sheet import Body, Reach
 from circuitkit.robots import RobotModel, build_model, load_robot
-from circuitkit.biped.dynamics import generalised_positions
 
 PUSHED_AT = 0.2  # of single support: 40 % of `lift`, as in sims/nao_push.yaml
 _LEAN_RAD = math.radians(5.0)  # the CoM shifts in proportion to the sine; any angle gives the same lever

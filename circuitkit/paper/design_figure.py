@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.biped.gait import design as eq
 from circuitkit.draw.style import (
     CYCLE,
     INK,
@@ -22,7 +23,6 @@ from circuitkit.draw.style import (
     save_figure,
     tidy,
 )
-from circuitkit.biped.gait import design as eq
 from circuitkit.paper.design_sheet import Bound, Sheet, show
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from scipy.stats import qmc
 
 from circuitkit.base.errors import SimulationError
 from circuitkit.biped.gait import GaitSpec, load_gait
+from circuitkit.paper.gait_figures import GaitFigures, measure_gait
 from circuitkit.robots import build_model, load_robot, plan_robot_walk
 from circuitkit.simulation import Plan, load_scenario, make_plan
-from circuitkit.paper.gait_figures import GaitFigures, measure_gait
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError, listing, suggest
 from circuitkit.base.units import Unit, parse_quantity, parse_unit
-from circuitkit.circuit.expressions.dimensions import OpenDimension, check_dimension, dimension_of
+from circuitkit.circuit.expressions.dimensions import (
+    OpenDimension,
+    check_dimension,
+    dimension_of,
+    named_symbol,
+)
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
@@ -296,7 +301,7 @@ def _bind_references(references: Sequence[Call], sensors: Sensors) -> dict[str, 
         dimensions: dict[str, OpenDimension] = {}
         shown, value = bind(call, sensors, dimensions)
         dimension = dimension_of(shown, dimensions)
-        unit = parse_unit("1") if dimension is None else dimension.fixed.si_unit
+        unit = parse_unit("1" if dimension is None else named_symbol(dimension.fixed))
         found[str(call)] = _Bound(unit, value)
     return found
 

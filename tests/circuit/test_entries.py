@@ -10,7 +10,7 @@ import pytest
 
 from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.circuit import check, load, load_circuit, parse_circuit
-from circuitkit.circuit.resolve import analyse
+from circuitkit.circuit.load import analyse
 
 BASE = """\
 circuit: keys

@@ -14,8 +14,8 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import dump_yaml, parse_yaml
 from circuitkit.circuit import CircuitSpec, parse_circuit
 from circuitkit.circuit.authoring.flat import flat_yaml
+from circuitkit.circuit.load import resolve
 from circuitkit.circuit.parts import module_of, read_module
-from circuitkit.circuit.resolve import resolve
 
 few = settings(max_examples=40, deadline=None)
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from circuitkit.base.units import parse_unit
 from circuitkit.circuit import check, load_circuit
-from circuitkit.control import CircuitController
+from circuitkit.control import CircuitController, Interface, PlannedChannel
 from circuitkit.engine import compile_circuit, run
-from circuitkit.robots import build_model, command_units, load_robot, robot_channels
-from circuitkit.study import load_study, open_pool, run_points
+from circuitkit.robots import build_model, load_robot
+from circuitkit.study import load_study, open_pool, run_cases
 
 FALL_TIME_S = 0.166
 SHIPPED = ("binn_sagittal_capture", "binn_sagittal_tuned", "binn_planar_tuned", "binn_omnidirectional_tuned")
@@ -50,13 +50,12 @@ def test_there_are_no_errors_and_no_warnings(name):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_nao_has_all_channels(name):
     model = build_model(load_robot("nao").with_servos(None))
-    channels = {channel: each.unit for channel, each in robot_channels(model).items()}
+    planned = {}
     for axis in "xy":
-        channels |= {
-            f"planned_com_{axis}": parse_unit("m"),
-            f"planned_com_velocity_{axis}": parse_unit("m/s"),
-        }
-    controller = CircuitController(load_circuit(name), channels, command_units(model), 0.01)
+        planned[f"planned_com_{axis}"] = PlannedChannel(parse_unit("m"), np.zeros(1))
+        planned[f"planned_com_velocity_{axis}"] = PlannedChannel(parse_unit("m/s"), np.zeros(1))
+    known = Interface(model.channel_units, model.command_units, 0.01, planned)
+    controller = CircuitController(load_circuit(name)).bind(known)
     assert set(controller.commands) <= {"ankle_roll", "ankle_pitch"}
 
 
@@ -156,19 +155,19 @@ def test_the_body_is_moved_against_the_error(programs, degrees):
 def test_pushed_forward_and_backward_the_circuits_hold_what_fells_the_open_loop():
     """Marching, 13.5 N for 0.2 s: more than stiff ankles hold, less than the bounds, 14.4 and 15.3 N."""
     study = load_study("sagittal").with_({"watch": "2.5 s"})
-    pushed = {"gait": "gait_march", "pushes[0].duration": "0.2 s", "pushes[0].force": "13.5 N"}
+    pushed = {"reference": {"gait": "gait_march"}, "push.duration": "0.2 s", "push.force": "13.5 N"}
     circuits = ("binn_sagittal_tuned", "binn_planar_tuned", "binn_omnidirectional_tuned")
     contenders = [
         {"controller": "open_loop"},
         *({"controller": "circuit", "circuit": circuit} for circuit in circuits),
     ]
     points = [
-        {**pushed, **contender, "pushes[0].direction": direction}
+        {**pushed, **contender, "push.direction": direction}
         for contender in contenders
         for direction in ("forward", "backward")
     ]
     with open_pool(1) as pool:
-        runs = run_points(study, points, [0], pool)
+        runs = run_cases(study, points, [0], pool)
     survived = np.array([[run.survived for run in each] for each in runs]).reshape(4, 2)
     assert not survived[0].any()
     assert survived[1:].all()

@@ -78,7 +78,7 @@ def test_within_the_foot_it_is_the_same_for_either_foot_and_for_both(program, pl
 @pytest.mark.parametrize("seed", range(5))
 def test_the_weighted_sum_of_the_inputs_is_the_zmp_within_the_foot(seed):
     """For any loads of the eight cells: the mean of the cells' places from the middle of their own foot."""
-    feet = load_robot("nao").feet
+    feet = load_robot("nao").biped.feet
     places = np.array([*feet.left.cells.values(), *feet.right.cells.values()])
     loads = np.random.default_rng(seed).uniform(0, 20, 8)
     side = np.repeat([1.0, -1.0], 4)

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circuitkit.circuit import check, load_circuit
-from circuitkit.control import CircuitController
+from circuitkit.control import CircuitController, Interface
 from circuitkit.engine import compile_circuit, run
-from circuitkit.robots import build_model, command_units, load_robot, robot_channels
+from circuitkit.robots import build_model, load_robot
 
 _WALKS = st.lists(
     st.tuples(
@@ -92,6 +92,6 @@ def test_no_direction_disturbs_the_other(planar, walk):
 @pytest.mark.parametrize("name", ["binn_sagittal", "binn_planar", "binn_omnidirectional"])
 def test_the_nao_has_all_channels(name):
     model = build_model(load_robot("nao").with_servos(None))
-    channels = {channel: each.unit for channel, each in robot_channels(model).items()}
-    controller = CircuitController(load_circuit(name), channels, command_units(model), 0.01)
+    known = Interface(model.channel_units, model.command_units, 0.01)
+    controller = CircuitController(load_circuit(name)).bind(known)
     assert set(controller.commands) <= {"ankle_roll", "ankle_pitch"}

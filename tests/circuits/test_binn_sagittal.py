@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circuitkit.biped.gait import load_gait
+from circuitkit.biped.references import GaitReference
 from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run, step
 from circuitkit.robots import load_robot
@@ -57,7 +59,7 @@ def test_which_neurons_fire_and_what_comes_out(program, row):
 
 
 def test_the_edges_are_those_of_the_force_cells_in_the_robot_file():
-    cells = load_robot("nao").feet.left.cells
+    cells = load_robot("nao").biped.feet.left.cells
     along = sorted(x for x, _ in cells.values())
     graph = load_circuit("binn_sagittal")
     assert graph.parameters["front_edge"].value_si == pytest.approx(along[-1])
@@ -82,10 +84,11 @@ def test_held_beyond_the_toes_the_pitch_adds_up_and_leaks(program):
 
 def test_the_nao_has_its_channels_and_carries_the_command_out():
     """Pushed from behind the circuit turns the ankles; what it says is what the joints are told."""
-    scenario = load_scenario("nao_push").model_copy(update={"gait": "gait_march", "duration": 3.0})
-    start = scenario.pushes[0].start.model_copy(update={"step": 2})
+    march = GaitReference(load_gait("gait_march"))
+    scenario = load_scenario("nao_push").model_copy(update={"reference": march, "duration": 3.0})
+    start = {**scenario.pushes[0].start, "step": 2}
     push = scenario.pushes[0].model_copy(update={"start": start, "direction": "forward", "force": 5.0})
-    result = simulate(scenario.model_copy(update={"pushes": (push,)}), circuit="binn_sagittal")
+    result = simulate(scenario.with_disturbances((push,)), circuit="binn_sagittal")
     recording = result.recording
     assert (recording.observation_names, recording.command_names) == (("zmp_x",), ("ankle_pitch",))
     replayed = run(compile_circuit(recording.circuit), recording.observations).readout

@@ -14,7 +14,7 @@ from circuitkit.base.errors import InputError
 from circuitkit.circuit import check, load_circuit, parse_circuit
 from circuitkit.circuit.expressions.expression import FUNCTION_ARITY
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
-from circuitkit.circuit.models.forms import NeuronForm, SynapseForm
+from circuitkit.circuit.models.declaration import NeuronForm, SynapseForm
 from circuitkit.engine import compile_circuit, run
 
 DOCS = Path(__file__).parents[2] / "docs"

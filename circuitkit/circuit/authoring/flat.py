@@ -33,8 +33,8 @@ from circuitkit.circuit.models import (
     SynapseModel,
 )
 from circuitkit.circuit.models.writing import model_data
-from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.neurons import shown_unit, start
+from circuitkit.circuit.resolving.signals import Endpoint, Nodes
 
 _PER_ANGLE = Dimension(angle=-1)
 MOST_LISTED = 10_000  # values that are listed for one population or projection

@@ -23,8 +23,9 @@ from circuitkit.base.source.validation import model_at
 from circuitkit.base.units import DIMENSIONLESS, parse_quantity
 from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.circuit.load import FOLDER, parse_circuit
+from circuitkit.circuit.load import parse_circuit
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
+from circuitkit.circuit.parts import FOLDER
 from circuitkit.circuit.spec import CircuitSpec, FileSpec
 
 WIDTH = 110

@@ -13,7 +13,7 @@ from circuitkit.circuit.models import (
     neuron_model,
     synapse_model,
 )
-from circuitkit.circuit.models.forms import NeuronForm, SynapseForm
+from circuitkit.circuit.models.declaration import NeuronForm, SynapseForm
 from circuitkit.circuit.spec import CircuitSpec
 
 Schema = dict[str, Any]

@@ -49,7 +49,8 @@ _NOTHING: Arities = MappingProxyType({})
 _OF_ANY_NUMBER = frozenset({"max", "min"})  # max(a, b, c) is max(max(a, b), c)
 _MOST_ARGUMENTS = 50
 _ARITIES: Arities = {
-    name: (arity, _MOST_ARGUMENTS if name in _OF_ANY_NUMBER else arity) for name, arity in FUNCTION_ARITY.items()
+    name: (arity, _MOST_ARGUMENTS if name in _OF_ANY_NUMBER else arity)
+    for name, arity in FUNCTION_ARITY.items()
 }
 
 
@@ -212,11 +213,15 @@ def _convert_joint(
         case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
             _require_function(function, len(arguments), source, at)
             convert = partial(_literal, source=source) if function in source.references else inside
-            read = [convert(argument) for argument in arguments]
-            if function in _OF_ANY_NUMBER and len(read) > FUNCTION_ARITY[function]:
-                return reduce(lambda one, more: Call(function, (one, more), offset=at), read)
-            return Call(function, tuple(read), offset=at)
+            return _called(function, [convert(argument) for argument in arguments], at)
     return None
+
+
+def _called(function: str, arguments: list[Expression], at: int) -> Expression:
+    """Make a call; of more than two arguments for `max` and `min` several calls, as backends know two."""
+    if function in _OF_ANY_NUMBER and len(arguments) > FUNCTION_ARITY[function]:
+        return reduce(lambda one, more: Call(function, (one, more), offset=at), arguments)
+    return Call(function, tuple(arguments), offset=at)
 
 
 def _joined(is_and: bool, parts: list[Expression]) -> Expression:

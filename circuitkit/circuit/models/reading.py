@@ -11,24 +11,24 @@ from circuitkit.base.source import Document, FileModel, Place, model_problems
 from circuitkit.base.units import Unit
 from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
 from circuitkit.circuit.expressions.expression import Expression
-from circuitkit.circuit.models.declaration import Declaration
-from circuitkit.circuit.models.forms import NeuronForm, SpikeForm, SynapseForm
+from circuitkit.circuit.models.declaration import Declaration, NeuronForm, SpikeForm, SynapseForm
 from circuitkit.circuit.models.model import (
     ACTIVATION,
     GATE,
     INPUT,
+    NEURON_WORDS,
     POST,
     POST_STATE,
     PRE,
     PRE_STATE,
     SPIKE,
+    SYNAPSE_WORDS,
     WEIGHT,
     NeuronModel,
     Spike,
     SynapseModel,
     UnitRule,
 )
-from circuitkit.circuit.models.unit_rules import NEURON_WORDS, SYNAPSE_WORDS
 
 FormT = TypeVar("FormT", bound=FileModel)
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from circuitkit.base.errors import InputError, listing, suggest
 from circuitkit.base.source import STRAY_TEXT, Document, Place
 from circuitkit.base.units import DIMENSIONLESS
-from circuitkit.circuit.expressions.amounts import Amount
+from circuitkit.circuit.expressions.values import Amount
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
     SYNAPSE_MODEL_NAMES,

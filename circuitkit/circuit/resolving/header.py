@@ -103,7 +103,7 @@ def _compare(root: Scope, scope: Scope, step: Quantity | None) -> None:
 
 
 def _substeps_within(root: Scope, scope: Scope) -> list[int]:
-    """Return the substeps that included files ask for: the whole circuit is stepped as finely as the finest."""
+    """Return the substeps that included files ask for; the whole is stepped as finely as the finest."""
     found = [1]
     for part, item in _included(root, scope):
         if part.spec.substeps is not None:

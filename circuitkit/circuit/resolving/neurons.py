@@ -1,4 +1,4 @@
-"""Entries of `neurons` to `Neuron`: the model's parameters, start and noise, with their units."""
+"""Entries of `neurons` and `populations`: the model's parameters, start and noise, with their units."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit
-from circuitkit.circuit.expressions.amounts import AMOUNT_FUNCTIONS, Amount
-from circuitkit.circuit.graph import Neuron
+from circuitkit.circuit.expressions.values import AMOUNT_FUNCTIONS, Amount
+from circuitkit.circuit.graph import Neuron, Population
 from circuitkit.circuit.models import ModelParameter, ModelState, NeuronModel, SynapseModel
 from circuitkit.circuit.resolving.declared_models import (
     DeclaredModels,
@@ -18,7 +18,12 @@ from circuitkit.circuit.resolving.declared_models import (
     written_parameters,
 )
 from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.memory import Budget
 from circuitkit.circuit.resolving.scope import Scope
+from circuitkit.circuit.spec import PopulationSpec
+
+# Members are counted with 32 bits.
+LARGEST = 2**31 - 1
 
 
 def neurons(scope: Scope, models: DeclaredModels) -> Iterator[Neuron]:
@@ -166,3 +171,44 @@ def neuron_noise(scope: Scope, item: Item[Any], unit: Unit, read: Reader) -> Any
     if lowest < 0:
         scope.errors.append(item.problem(place, f"found {noise}; allowed: 0 or more"))
     return noise.value
+
+
+def populations(scope: Scope, models: DeclaredModels, budget: Budget) -> Iterator[Population]:
+    """Yield the populations that a scope declares, as far as they are sound."""
+    for name, item in scope.populations.items():
+        model = models.neuron(item)
+        size = _size(scope, item, model, budget)
+        if model is None or size is None:
+            continue
+        values = neuron_values(scope, item, model, _member_reader(scope, item, size))
+        if values is not None:
+            yield Population(name=scope.prefix + name, size=size, **values)
+
+
+def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, budget: Budget) -> int | None:
+    """Find how many members, if that is a number of neurons that fits into memory; None after complaining."""
+    size = scope.value(item, ("size",), item.spec.size, DIMENSIONLESS, "it is a number of neurons")
+    if size is None:
+        return None
+    count = int(size.value_si)
+    if count != size.value_si or count < 1:
+        scope.errors.append(item.problem(("size",), f"found {size}; allowed: a whole number from 1 on"))
+        return None
+    complaint = budget.neurons(
+        count, len(model.parameters) if model else 0, len(model.states) if model else 0
+    )
+    if not complaint and count > LARGEST:
+        complaint = f"found {count}; allowed: up to {LARGEST}"
+    if complaint:
+        scope.errors.append(item.problem(("size",), complaint))
+        return None
+    return count
+
+
+def _member_reader(scope: Scope, item: Item[Any], size: int) -> Reader:
+    from circuitkit.circuit.resolving.member_values import member_values  # brings numpy: 0.1 s
+
+    def read(place: Place, value: object) -> Amount | None:
+        return member_values(scope, item, place, value, size)
+
+    return read

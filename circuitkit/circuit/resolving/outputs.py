@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.circuit.graph import OutputNode, PerMember
-from circuitkit.circuit.resolving.endpoints import Nodes
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit
 from circuitkit.circuit.resolving.scope import Scope
+from circuitkit.circuit.resolving.signals import Nodes
 from circuitkit.circuit.spec import OutputSpec
 
 _READ = ("neuron", "member", "population")

@@ -11,8 +11,8 @@ from typing import Any
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit
-from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.expressions.values import (
+    Amount,
     LostNameError,
     ValueProblemError,
     compute,

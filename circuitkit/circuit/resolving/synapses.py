@@ -8,19 +8,18 @@ from typing import Any
 
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
-from circuitkit.circuit.expressions.amounts import Amount
 from circuitkit.circuit.expressions.expression import Number
 from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
+from circuitkit.circuit.expressions.values import Amount
 from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.resolving.checks import rounded_delay
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, check_order, written_parameters
-from circuitkit.circuit.resolving.endpoints import Endpoint, Nodes
 from circuitkit.circuit.resolving.header import Header
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit, shown_unit, start
 from circuitkit.circuit.resolving.scope import Scope
-from circuitkit.circuit.resolving.signals import Signals, Term
+from circuitkit.circuit.resolving.signals import Endpoint, Nodes, Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
 
 _SECOND = parse_unit("s")

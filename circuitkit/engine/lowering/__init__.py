@@ -1,7 +1,7 @@
 """From a `CircuitGraph` to the operations of a `Program`: rows for everything, then what is done with them.
 
-Read in this order: `delays` (whether they fit into memory), `order` (who is evaluated when), `cells` (which
-neurons stand side by side in which rows), `sources` (in which row a target finds a source), `sums`,
+Read in this order: `order` (who is evaluated when), `cells` (which neurons stand side by side in which rows),
+`sources` (in which row a target finds a source, and how deep memories are), `sums`,
 `synapses`, `neurons` with `methods` (what is done), `circuit` (all of it, in the order of a control step),
 `sweep` (several circuits of one structure).
 """

@@ -1,4 +1,4 @@
-"""Which neurons stand side by side: those of one model in one stage, in neighbouring rows."""
+"""The rows of the table: neurons of one model in one stage stand side by side, in neighbouring rows."""
 
 from __future__ import annotations
 
@@ -13,8 +13,38 @@ from circuitkit.circuit.graph import CircuitGraph, Neuron, PerMember, Population
 from circuitkit.circuit.models.model import SPIKE, NeuronModel
 from circuitkit.engine.lowering.names import Listed, Members, Naming, StateNames
 from circuitkit.engine.lowering.order import Order
-from circuitkit.engine.lowering.table import Table
 from circuitkit.engine.state import FloatArray
+
+
+class Table:
+    """Rows in the order in which they are asked for; row 0 is zero.
+
+    Attributes:
+        n_rows: How many there are so far.
+    """
+
+    def __init__(self) -> None:
+        self.n_rows = 1
+        self._initial: list[tuple[int, int, npt.ArrayLike]] = []
+
+    def take(self, count: int, initial: npt.ArrayLike = 0.0) -> int:
+        """Return the first of `count` new rows, which begin with these values."""
+        start = self.n_rows
+        self.n_rows += count
+        self.begin_with(start, count, initial)
+        return start
+
+    def begin_with(self, start: int, count: int, initial: npt.ArrayLike) -> None:
+        """Let rows begin with these values."""
+        if np.any(initial):
+            self._initial.append((start, count, initial))
+
+    def initial(self) -> FloatArray:
+        """Return the value of every row at the start, shape (n_rows,), [SI]."""
+        values = np.zeros(self.n_rows)
+        for start, count, initial in self._initial:
+            values[start : start + count] = initial
+        return values
 
 
 @dataclass(eq=False)

@@ -9,8 +9,14 @@ import numpy as np
 
 from circuitkit.circuit.graph import CircuitGraph, Population, Projection, Synapse
 from circuitkit.circuit.models import SynapseModel
-from circuitkit.engine.lowering.cells import Group, make_blocks, make_stages, place_groups, place_states
-from circuitkit.engine.lowering.delays import require_delays
+from circuitkit.engine.lowering.cells import (
+    Group,
+    Table,
+    make_blocks,
+    make_stages,
+    place_groups,
+    place_states,
+)
 from circuitkit.engine.lowering.maps import copy_rows
 from circuitkit.engine.lowering.names import StateNames
 from circuitkit.engine.lowering.neurons import (
@@ -23,7 +29,7 @@ from circuitkit.engine.lowering.neurons import (
 from circuitkit.engine.lowering.order import make_order
 from circuitkit.engine.lowering.plan import Plan
 from circuitkit.engine.lowering.readout import read_out
-from circuitkit.engine.lowering.sources import Sources
+from circuitkit.engine.lowering.sources import Sources, require_delays
 from circuitkit.engine.lowering.sums import Arrivals, Matrix, Term
 from circuitkit.engine.lowering.synapses import (
     Bundle,
@@ -32,7 +38,6 @@ from circuitkit.engine.lowering.synapses import (
     make_bundle,
     only_weighs,
 )
-from circuitkit.engine.lowering.table import Table
 from circuitkit.engine.operations import IndexArray, Lowered, Operation
 
 

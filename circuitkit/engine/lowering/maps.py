@@ -57,7 +57,7 @@ class _Folding:
         return expression
 
     def _chosen(self, parts: Sequence[Expression], join: Callable[..., Expression]) -> Expression:
-        """Return a function of a choice between constants is a choice between its values.
+        """Turn a function of a choice between constants into a choice between its values.
 
         So the factor of an exponential step is computed once, also for a neuron that has another one while
         it is refractory.

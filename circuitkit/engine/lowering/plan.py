@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine.lowering.cells import Block, Group
+from circuitkit.engine.lowering.cells import Block, Group, Table
 from circuitkit.engine.lowering.order import Order
-from circuitkit.engine.lowering.table import Table
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,12 @@ import numpy as np
 
 from circuitkit.circuit.silencing import ARROW, connections
 from circuitkit.draw.style import EXCITATORY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
-from circuitkit.study import load_study
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
 from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio, seeds_in_words
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
 from circuitkit.paper.reproduce.job import Effort, Job
 from circuitkit.paper.reproduce.numbers import count, plain, words
+from circuitkit.study import load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

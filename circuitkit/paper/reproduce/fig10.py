@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import EXCITATORY, INK, SMALL, house_style, new_figure, tidy
-from circuitkit.simulation.story import support_edges_m
 from circuitkit.paper.reproduce.drawing import BAND, PUSH_FILL, PUSHED, WIDTH_IN, save
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
 from circuitkit.paper.reproduce.job import Effort, Job
@@ -26,6 +25,7 @@ from circuitkit.paper.reproduce.pushed_walk import (
     thresholds_for_pressure_m,
     zmp_as_read_m,
 )
+from circuitkit.simulation.story import support_edges_m
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

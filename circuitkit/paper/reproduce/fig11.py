@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
-from circuitkit.study import load_study, wilson_interval
 from circuitkit.paper.reproduce.drawing import LOOKS, WIDTH_IN, label_of, save
 from circuitkit.paper.reproduce.fig11_claims import DIRECTIONS, LARGEST_N, claims_of
 from circuitkit.paper.reproduce.finding import Finding, Picture, Table
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
 from circuitkit.paper.reproduce.job import Effort, Job
 from circuitkit.paper.reproduce.numbers import plain, signed_percent, words
+from circuitkit.study import load_study, wilson_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

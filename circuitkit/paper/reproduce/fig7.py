@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.biped.gait import design as eq
 from circuitkit.draw.style import (
     EXCITATORY,
     INHIBITORY,
@@ -20,7 +21,8 @@ from circuitkit.draw.style import (
     new_figure,
     plain_legend,
 )
-from circuitkit.biped.gait import design as eq
+from circuitkit.paper.design import body_of
+from circuitkit.paper.design_figure import design_figure
 from circuitkit.paper.design_sheet import (
     NAO_ANKLE_GEAR,
     PAPER_BODY,
@@ -31,15 +33,13 @@ from circuitkit.paper.design_sheet import (
     Sheet,
     make_sheet,
 )
-from circuitkit.study import load_study
-from circuitkit.paper.design import body_of
-from circuitkit.paper.design_figure import design_figure
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, agrees, all_hold
 from circuitkit.paper.reproduce.forces import bounds
 from circuitkit.paper.reproduce.job import Effort, Job
 from circuitkit.paper.reproduce.numbers import plain, words
+from circuitkit.study import load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,7 +19,6 @@ from circuitkit.draw.style import (
     plain_legend,
     tidy,
 )
-from circuitkit.simulation import load_scenario, make_plan
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, all_hold
 from circuitkit.paper.reproduce.job import Effort, Job
@@ -31,6 +30,7 @@ from circuitkit.paper.reproduce.timing import (
     time_in_the_loop,
     time_in_turns,
 )
+from circuitkit.simulation import load_scenario, make_plan
 
 TITLE = "Figure 8: computation time"
 EFFORT = Effort(full_s=120.0, quick_s=12.0)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
-from circuitkit.study import load_study
 from circuitkit.paper.reproduce.drawing import CYCLE, PUSH_FILL, PUSHED, WIDTH_IN, label_of, save
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
 from circuitkit.paper.reproduce.job import Effort, Job
@@ -21,6 +20,7 @@ from circuitkit.paper.reproduce.pushed_walk import (
     record_pushed_walk,
     time_to_limit_cycle_s,
 )
+from circuitkit.study import load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from circuitkit.simulation.disturbance import direction_of, push_start
 from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
+from circuitkit.simulation.disturbance import direction_of, push_start
 
 if TYPE_CHECKING:
+    from circuitkit.paper.reproduce.job import Job
     from circuitkit.simulation import Plan
     from circuitkit.study import Limit, Study
-    from circuitkit.paper.reproduce.job import Job
 
 DIRECTION, DURATION = "pushes[0].direction", "pushes[0].duration"
 

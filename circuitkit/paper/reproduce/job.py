@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from circuitkit.study import Pool, Results, Study
     from circuitkit.paper.reproduce.finding import Finding
+    from circuitkit.study import Pool, Results, Study
 
 
 @dataclass(frozen=True)

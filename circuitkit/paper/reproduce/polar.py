@@ -21,13 +21,13 @@ from circuitkit.draw.style import (
     new_figure,
     tidy,
 )
-from circuitkit.study import load_study
 from circuitkit.paper.push_bounds import BoundsAround, dcm_bounds_around
 from circuitkit.paper.reproduce.drawing import LOOKS, WIDTH_IN, Look, save
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
 from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bounds, by_contender
 from circuitkit.paper.reproduce.job import Effort, Job
 from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, words
+from circuitkit.study import load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from circuitkit.draw.style import GREY, INK, NORMAL, SMALL, house_style, new_figure, tidy
-from circuitkit.study import load_study
 from circuitkit.paper.reproduce.drawing import LOOKS, WIDTH_IN, label_of, save
 from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio, seeds_in_words
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
 from circuitkit.paper.reproduce.forces import circuits_of
 from circuitkit.paper.reproduce.job import Effort, Job
 from circuitkit.paper.reproduce.numbers import count, plain, words
+from circuitkit.study import load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from circuitkit.draw.style import EXCITATORY, GREY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
-from circuitkit.simulation import Recording
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop
-from circuitkit.study import load_study
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce.drawing import LOOKS, PUSH_FILL, WIDTH_IN, Look, save
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
 from circuitkit.paper.reproduce.job import Effort, Job
 from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, words
+from circuitkit.simulation import Recording
+from circuitkit.simulation.disturbance import Trial
+from circuitkit.simulation.loop import run_loop
+from circuitkit.study import load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

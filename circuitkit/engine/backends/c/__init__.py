@@ -1,8 +1,8 @@
 """Generated C: a program's operations as C source, its compilation, and the kernel that runs it.
 
-Read in this order: `expression` (an expression as C), `constants` (the numbers that the source refers to),
-`rows` (what is read, written and kept), `unrolled` (a small program, statement by statement), `spikes` (which
-sums have few sources that are not zero), `fusion` and `maps` (which maps share a loop, and how it looks),
+Read in this order: `expression` (an expression as C), `rows` (what is read, written and kept, and the numbers
+that the source refers to), `unrolled` (a small program, statement by statement), `spikes` (which sums have
+few sources that are not zero), `fusion` and `maps` (which maps share a loop, and how it looks),
 `loops` (a large program, loop by loop), `source` (which of the two), `build` (compiler and cache), `kernel`
 (memory and calls). In C: `arithmetic.h` with `simd.h` (functions of expressions), `noise.h`, `context.h`,
 `unrolled.h`, `loops.h` with `active.h` and `steps.h` (what surrounds the generated part), `runtime.c` with

@@ -108,7 +108,7 @@ def _meet(some: Iterable[Range], others: Sequence[Range]) -> bool:
 
 
 def _read_ranges(operation: Operation) -> Iterator[Range]:
-    """Read rows that an operation reads lie in these."""
+    """Return ranges in which the rows lie that an operation reads."""
     match operation:
         case Map(count=count, rows=rows):
             yield from ((row, row + count) for row in rows.values())

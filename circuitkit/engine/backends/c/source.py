@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Unary
-from circuitkit.engine.backends.c.constants import Constants
 from circuitkit.engine.backends.c.loops import Arrays, print_loops
+from circuitkit.engine.backends.c.rows import Constants
 from circuitkit.engine.backends.c.unrolled import print_unrolled
 from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
