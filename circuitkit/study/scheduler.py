@@ -206,6 +206,8 @@ class _Scheduler:
     def take(self, most: int, free: int) -> list[_Open]:
         """Runs for a worker: of those that wait for the same plan, the most; nothing if none wait.
 
+        Runs of one seed go together as far as they can, since what they have in common is simulated once.
+
         Args:
             most: How many at most.
             free: How many workers have nothing to do.
@@ -216,9 +218,12 @@ class _Scheduler:
         key = max(self._waiting, key=lambda name: len(self._waiting[name]))
         queue = self._waiting[key]
         size = min(len(queue), most, max(-(-total // free), _LEAST))
-        keys = [queue.popleft() for _ in range(size)]
-        if not queue:
+        keys = sorted(queue, key=lambda name: self._open[name].seed)[:size]
+        if size == len(queue):
             del self._waiting[key]
+        else:
+            taken = set(keys)
+            self._waiting[key] = deque(name for name in queue if name not in taken)
         return [self._open[key] for key in keys]
 
     def settle(self, chosen: Sequence[_Open], done: Done) -> dict[Task, list[Run]]:
