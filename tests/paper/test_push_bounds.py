@@ -12,7 +12,7 @@ from circuitkit.biped.gait.lipm import natural_frequency
 from circuitkit.simulation import Plan
 from circuitkit.simulation.disturbance import Trial, push_start
 from circuitkit.simulation.loop import run_loop
-from circuitkit.study import load_study, make_study, open_pool, run_points
+from circuitkit.study import load_study, make_study, open_workers, run_cases
 from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
 from circuitkit.paper.reproduce.forces import bounds
 
@@ -28,8 +28,8 @@ def plan() -> Plan:
 
 def stood(study, points, seeds):
     """In how many runs of each point the robot stands."""
-    with open_pool(1) as pool:
-        return [sum(run.survived for run in runs) for runs in run_points(study, points, seeds, pool)]
+    with open_workers(1) as workers:
+        return [sum(run.survived for run in runs) for runs in run_cases(study, points, seeds, workers)]
 
 
 def test_20_newtons_inward_fell_the_open_loop_and_not_the_circuit(plan: Plan):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from circuitkit.paper.reproduce.finding import Finding
-    from circuitkit.study import Pool, Results, Study
+    from circuitkit.study import Results, Study, Workers
 
 
 @dataclass(frozen=True)
@@ -64,29 +64,29 @@ class Job:
         Raises:
             CircuitkitError: As of `sweep`.
         """
-        from circuitkit.study import Results, open_pool
+        from circuitkit.study import Results, open_workers
 
         folder = self.folder / ("quick" if self.quick else "full") / (name or study.name)
-        with open_pool(self.workers) as pool:
+        with open_workers(self.workers) as workers:
             if not apart:
-                return self._sweep(study, folder, pool)
+                return self._sweep(study, folder, workers)
             parts = [study.with_({"axes": {apart: [value.text]}}) for value in study.axes[apart]]
             done = [
-                self._sweep(part, folder / value.text, pool)
+                self._sweep(part, folder / value.text, workers)
                 for part, value in zip(parts, study.axes[apart], strict=True)
             ]
         return Results(study, tuple(row for results in done for row in results.rows))
 
-    def _sweep(self, study: Study, folder: Path, pool: Pool) -> Results:
+    def _sweep(self, study: Study, folder: Path, workers: Workers) -> Results:
         from circuitkit.study import sweep
         from circuitkit.study.store import OtherStudyError
 
         try:
-            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
+            return sweep(study, folder, workers=workers, resume=True, progress=self.progress)
         except OtherStudyError:
             self.say(f"{self.figure}: the runs in '{folder}' are of other files; they are made anew")
             shutil.rmtree(folder)
-            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
+            return sweep(study, folder, workers=workers, resume=True, progress=self.progress)
 
 
 class FigureModule(Protocol):
