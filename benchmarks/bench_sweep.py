@@ -17,8 +17,8 @@ from mujoco.batch import Batch
 from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.study import Study, load_study, sweep
 from circuitkit.study.bench import Amount
-from circuitkit.study.board import BATCH
-from circuitkit.study.pool import processors
+from circuitkit.study.scheduler import BATCH
+from circuitkit.study.workers import processors
 
 _SEEDS = 400  # enough that the start of the processes counts as little as in a sweep of minutes
 _MOST = 1 / 0.85  # of the time of bare physics: a throughput of 0.85

@@ -197,7 +197,7 @@ def _percents(interval: tuple[float, float]) -> str:
 
 def _print_estimate(study: Study, workers: int | None, *, as_json: bool) -> None:
     from circuitkit.study.driver import estimate
-    from circuitkit.study.pool import processors
+    from circuitkit.study.workers import processors
 
     found = estimate(study)
     count = workers or processors()

@@ -122,6 +122,12 @@ class BoundCircuit:
         self._stepper = Stepper(self._program, batch)
         self._inputs = self._stepper.inputs
 
+    def seed_noise(self, seeds: Sequence[int]) -> None:
+        """Let the noise of each robot's circuit follow from the robot's seed."""
+        state = self._stepper.state
+        state.seed = np.array([seed % 2**64 for seed in seeds], dtype=np.uint64)
+        self._stepper.state = state
+
     def step(self, observation: Array) -> Array:
         """Outputs of the circuit, shape (B, m), SI units."""
         # One call for all of it: the sum of squares is finite where every reading is.

@@ -83,11 +83,14 @@ class Worlds:
         self._ctrl = self.physics.bind("ctrl")
         self._force = self.physics.bind("xfrc_applied")
         self.qpos, self.qvel = self.physics.bind("qpos"), self.physics.bind("qvel")
-        self.readings = self.physics.bind("sensordata") if model.nsensordata else np.zeros((batch, 0))
+        self._sensed = self.physics.bind("sensordata") if model.nsensordata else np.zeros((batch, 0))
+        self.readings = self._sensed
         self._skips = self._substeps > 1 and not _sensors_remember(model)
         if self._skips:
             self._flags = self.physics.expand("opt.disableflags")
         self._seeing = int(model.opt.disableflags)
+        self._stopped: NDArray[np.bool_] = np.zeros(batch, dtype=bool)
+        self._leaders: NDArray[np.int64] | None = None
         self._stepped: NDArray[np.int32] | None = None
         self.qpos[:] = start_qpos
         if model.na:
@@ -114,8 +117,33 @@ class Worlds:
 
         Their readings stay what they are, and `advance` costs less.
         """
-        going = np.flatnonzero(~robots)
-        self._stepped = None if len(going) == self.batch else going.astype(np.int32)
+        self._stopped = robots.copy()
+        self._choose()
+
+    def follow(self, leaders: NDArray[np.int64]) -> None:
+        """From now on a robot is simulated by its leader; one that is its own leader is simulated itself.
+
+        A robot that did the same as its leader until now and does so from now on has the same positions and
+        readings. When it gets another leader, which may be itself, it goes on from the state of the one that it
+        followed. Call it before somebody takes `readings`, which are another array afterwards.
+
+        Args:
+            leaders: Of each robot, shape (B,); a leader is its own leader.
+        """
+        if self._leaders is None:
+            self.readings = self._sensed.copy()
+        else:
+            moved = leaders != self._leaders
+            self.physics.state[moved] = self.physics.state[self._leaders[moved]]
+        self._leaders = leaders.copy()
+        self._choose()
+
+    def _choose(self) -> None:
+        """Find out which robots are to be stepped."""
+        going = ~self._stopped
+        if self._leaders is not None:
+            going &= self._leaders == np.arange(self.batch)
+        self._stepped = None if going.all() else np.flatnonzero(going).astype(np.int32)
 
     def advance(self, tick: int, commands: Array) -> None:
         """Send what the reference wants at a tick plus the commands, and let one control step pass.
@@ -138,6 +166,9 @@ class Worlds:
             self.physics.step(self._stepped)
         else:
             self.physics.step(self._stepped, self._substeps)
+        if self._leaders is not None:
+            np.take(self._sensed, self._leaders, axis=0, out=self.readings, mode="clip")
+            np.copyto(self.qpos, self.qpos[self._leaders])
 
 
 def _sensors_remember(model: mujoco.MjModel) -> bool:

@@ -71,6 +71,17 @@ class Disturbance(FileModel):
         """Whether `change` does something."""
         return False
 
+    def first_tick(self, effects: Effects, robot: int, where: str) -> int:  # noqa: ARG002 - for others
+        """From which tick on a robot may do otherwise than one that is not befallen by it; 0 if that is not known.
+
+        Asked of disturbances that are `per_robot`: robots with the same seed are the same before that tick, and
+        one of them is simulated for all.
+
+        Raises:
+            InputError: It starts at no moment of the reference.
+        """
+        return 0
+
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
         """Add hooks.
 
@@ -199,6 +210,7 @@ class Effects:
         on_commands: On what it writes; shape (B, m).
         forces: Forces on bodies, which are on `on_worlds` as well.
         windows_s: Start and end of each robot's first push; shape (B, 2); not a number without one.
+        own_tick: From which tick on a robot may do otherwise than others with its seed; shape (B,).
         shift_s: By how much pushes start later; shape (B,).
         spans: Everything that has a beginning and an end, for pictures: label, first and last second.
     """
@@ -220,10 +232,12 @@ class Effects:
     forces: list[BodyForce] = field(default_factory=list)
     spans: list[tuple[str, float, float]] = field(default_factory=list)
     windows_s: Array = field(init=False)
+    own_tick: NDArray[np.int64] = field(init=False)
     shift_s: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.windows_s = np.full((self.batch, 2), np.nan)
+        self.own_tick = np.full(self.batch, self.ticks, dtype=np.int64)
         self.shift_s = np.zeros(self.batch)
         self._generators: dict[tuple[int, int], np.random.Generator] = {}
         self._collections: dict[str, Any] = {}
@@ -351,7 +365,9 @@ def draw_effects(
     for i, spec in enumerate(specs):
         for k, each in enumerate(spec.disturbances):
             if each.per_robot:
-                each.act(effects, (i,), f"disturbances[{k}].{each.kind}")
+                where = f"disturbances[{k}].{each.kind}"
+                each.act(effects, (i,), where)
+                effects.own_tick[i] = min(effects.own_tick[i], each.first_tick(effects, i, where))
     for finish in effects.finishers:
         finish(effects)
     return effects

@@ -377,7 +377,7 @@ class CaseBuilder:
                         raise InputError(*(self._set_problem(change, p) for p in alone.problems)) from error
                 raise
 
-        key = ("circuit", scenario.circuit, json.dumps([values, scenario.silenced]))
+        key = ("circuit", scenario.circuit, json.dumps([values, dict(scenario.settings), scenario.silenced]))
         return self._once(key, lambda: self._guarded(make, "circuit", str(scenario.circuit), outer))
 
     def _set_problem(self, change: Change, problem: Problem) -> Problem:

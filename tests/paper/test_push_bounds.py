@@ -16,7 +16,7 @@ from circuitkit.paper.reproduce.forces import bounds
 from circuitkit.paper.runs import push_moment, record, without_pushes
 from circuitkit.simulation import Plan
 from circuitkit.simulation.scenario import with_push
-from circuitkit.study import CaseBuilder, load_study, make_study, open_pool, run_cases
+from circuitkit.study import CaseBuilder, load_study, make_study, open_workers, run_cases
 
 INWARD = PushKind("inward", 0.2)
 OUTWARD = PushKind("outward", 0.2)
@@ -30,8 +30,8 @@ def plan() -> Plan:
 
 def stood(study, cases, seeds):
     """In how many runs of each case the robot stands."""
-    with open_pool(1) as pool:
-        return [sum(run.survived for run in runs) for runs in run_cases(study, cases, seeds, pool)]
+    with open_workers(1) as workers:
+        return [sum(run.survived for run in runs) for runs in run_cases(study, cases, seeds, workers)]
 
 
 def test_20_newtons_inward_fell_the_open_loop_and_not_the_circuit(plan: Plan):

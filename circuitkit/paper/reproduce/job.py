@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from circuitkit.study import Pool, Results, Study, open_pool, sweep
+from circuitkit.study import Results, Study, Workers, open_workers, sweep
 from circuitkit.study.store import OtherStudyError
 
 
@@ -50,20 +50,20 @@ class Job:
             CircuitkitError: As of `sweep`.
         """
         folder = self.folder / ("quick" if self.quick else "full") / (name or study.name)
-        with open_pool(self.workers) as pool:
+        with open_workers(self.workers) as workers:
             if not apart:
-                return self._sweep(study, folder, pool)
+                return self._sweep(study, folder, workers)
             parts = [study.with_({"axes": {apart: [value.text]}}) for value in study.axes[apart]]
             done = [
-                self._sweep(part, folder / value.text, pool)
+                self._sweep(part, folder / value.text, workers)
                 for part, value in zip(parts, study.axes[apart], strict=True)
             ]
         return Results(study, tuple(row for results in done for row in results.rows))
 
-    def _sweep(self, study: Study, folder: Path, pool: Pool) -> Results:
+    def _sweep(self, study: Study, folder: Path, workers: Workers) -> Results:
         try:
-            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
+            return sweep(study, folder, workers=workers, resume=True, progress=self.progress)
         except OtherStudyError:
             self.log(f"{self.figure}: the runs in '{folder}' are of other files; they are made anew")
             shutil.rmtree(folder)
-            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
+            return sweep(study, folder, workers=workers, resume=True, progress=self.progress)

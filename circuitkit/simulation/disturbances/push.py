@@ -89,6 +89,10 @@ class Push(Disturbance):
         """Where it acts from the body's centre of mass; shape (3,)."""
         return np.array([0.0, 0.0, self.height] if self.at is None else self.at)
 
+    def first_tick(self, effects: Effects, robot: int, where: str) -> int:
+        """The tick in which it begins."""
+        return int(_begin_s(effects.moment(self.start, where), effects, robot) / effects.step_s)
+
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
         """Add the push to those on the same body."""
         try:
@@ -99,13 +103,18 @@ class Push(Disturbance):
         moment = effects.moment(self.start, where)
         way = direction_of(self.direction, moment, f"{where}.direction")
         for i in robots:
-            start = max(moment.time_s + float(effects.shift_s[i]), 0.0)
+            start = _begin_s(moment, effects, i)
             end = start + self.duration
             force = (self.force or 0.0) * way
             turn = self.torque * way if self.torque is not None else None
             _pushes_of(effects).setdefault(body, []).append(_Acting(i, start, end, force, self.lever_m, turn))
             if np.isnan(effects.windows_s[i, 0]):
                 effects.windows_s[i] = start, end
+
+
+def _begin_s(moment: Moment, effects: Effects, robot: int) -> float:
+    """When a robot's push begins: the moment, shifted by the jitter; [s]."""
+    return max(moment.time_s + float(effects.shift_s[robot]), 0.0)
 
 
 def direction_of(name: str, moment: Moment, where: str = "direction") -> Array:

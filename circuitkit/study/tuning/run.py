@@ -17,13 +17,13 @@ from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case, fingerprint
 from circuitkit.study.driver import run_cases
 from circuitkit.study.jobs import RMS, Outcome, plan_of
-from circuitkit.study.pool import Pool, open_pool
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.objective import LIMIT, Row, Score, score
 from circuitkit.study.tuning.result import folder_of, make_folder, provenance, write_result
 from circuitkit.study.tuning.runs import Condition, Runs
 from circuitkit.study.tuning.search import Candidate, Found, Search, Told, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
+from circuitkit.study.workers import Workers, open_workers
 
 _ALL_DIGITS = 17
 
@@ -137,9 +137,9 @@ def tune(
     silence_optuna(verbose=verbose)
     search = _search(tuning, parts[TRAIN])
     total = search.rounded(trials or tuning.spec.trials)
-    with open_pool(workers, scheduler) as pool:
+    with open_workers(workers, scheduler) as opened:
         clock = _Clock(total, progress)
-        measure = Measure(tuning, parts[TRAIN], pool, clock.runs)
+        measure = Measure(tuning, parts[TRAIN], opened, clock.runs)
         found = run_search(
             search,
             storage or _database(folder),
@@ -151,7 +151,7 @@ def tune(
         )
         if not any(told.value is not None for told in found.told) and found.interrupted:
             raise KeyboardInterrupt
-        best, confirmed, test = _chosen(tuning, found, parts, pool, clock)
+        best, confirmed, test = _chosen(tuning, found, parts, opened, clock)
     write_table(tuning, found, folder / "trials.csv")
     for suffix in ("png", "pdf"):
         draw_history(tuning, found, best, search.size, folder / f"history.{suffix}")
@@ -177,7 +177,7 @@ def _file_of(tuning: Tuning) -> Path:
 
 
 def _chosen(
-    tuning: Tuning, found: Found, parts: Mapping[str, tuple[Runs, ...]], pool: Pool, clock: _Clock
+    tuning: Tuning, found: Found, parts: Mapping[str, tuple[Runs, ...]], workers: Workers, clock: _Clock
 ) -> tuple[Told, Score | None, Score | None]:
     """The best candidate with what confirmation and test say of it, if the search was not ended early."""
     best, confirmed = found.best, None
@@ -187,12 +187,12 @@ def _chosen(
         if tuning.spec.confirm is not None:
             clock.stage = CONFIRM
             finalists = found.ranking()[: tuning.spec.confirm.best]
-            scores = Measure(tuning, parts[CONFIRM], pool, clock.runs)([each.settings for each in finalists])
+            scores = Measure(tuning, parts[CONFIRM], workers, clock.runs)([each.settings for each in finalists])
             sign = -1.0 if found.maximise else 1.0
             sound = [(s, each) for s, each in zip(scores, finalists, strict=True) if isinstance(s, Score)]
             confirmed, best = min(sound, key=lambda pair: sign * pair[0].value, default=(None, best))
         clock.stage = TEST
-        (test,) = Measure(tuning, parts[TEST], pool, clock.runs)([best.settings])
+        (test,) = Measure(tuning, parts[TEST], workers, clock.runs)([best.settings])
     except KeyboardInterrupt:
         return best, confirmed, None
     if isinstance(test, CircuitkitError):
@@ -266,18 +266,18 @@ def _flattened(data: Data, name: str) -> Iterator[tuple[str, str]]:
 
 @dataclass
 class Measure:
-    """Measures candidates together: all runs of all of them on the pool.
+    """Measures candidates together: all runs of all of them by the same workers.
 
     Attributes:
         tuning: What is tuned.
         runs: By which runs.
-        pool: Where they run.
+        workers: Do the runs.
         progress: Is told how many of how many runs are done.
     """
 
     tuning: Tuning
     runs: Sequence[Runs]
-    pool: Pool
+    workers: Workers
     progress: Callable[[int, int], object] | None = None
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Score | CircuitkitError]:
@@ -293,7 +293,7 @@ class Measure:
             ]
             report = None if self.progress is None else _from(before, total, self.progress)
             outcomes[each.name] = list(
-                run_cases(each.study, settings, each.seeds, self.pool, progress=report)
+                run_cases(each.study, settings, each.seeds, self.workers, progress=report)
             )
             before += len(settings) * len(each.seeds)
         return [self._score(number, outcomes) for number in range(len(candidates))]

@@ -14,7 +14,7 @@ from circuitkit.circuit import check as check_circuit
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.authoring.formatting import format_file
 from circuitkit.control import load_controller
-from circuitkit.study import open_pool
+from circuitkit.study import open_workers
 from circuitkit.study.tuning import result as result_module
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.result import write_result
@@ -73,8 +73,8 @@ def test_the_result_says_where_its_numbers_come_from(tuned):
 def test_the_result_measures_again_what_was_measured(tuned, folder):
     path = written(folder, ("circuit: base.yaml", f"circuit: {tuned.path}"))
     tuning = load_tuning(path)
-    with open_pool(1) as pool:
-        (again,) = Measure(tuning, tuning.runs("train"), pool)([{}])
+    with open_workers(1) as workers:
+        (again,) = Measure(tuning, tuning.runs("train"), workers)([{}])
     assert isinstance(again, Score)
     assert again.value == tuned.best.value
     assert again.figures == tuned.best.figures
