@@ -39,7 +39,9 @@ class _Sides(FileModel):
     """Names that differ between a circuit and a robot."""
 
     inputs: Mapping[str, str] = Field(default={}, description="Channel by the circuit's input.")
-    outputs: Mapping[str, str] = Field(default={}, description="Command by the circuit's output.")
+    outputs: Mapping[str, str | None] = Field(
+        default={}, description="Command by the circuit's output; ~ for one that is not written."
+    )
 
 
 class _ReferenceItem(FileModel):
