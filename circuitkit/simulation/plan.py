@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -123,7 +124,7 @@ class Plan:
         if chosen is None:
             chosen = CIRCUIT if self.circuits.used is not None else OPEN_LOOP
         if isinstance(chosen, str | Path):
-            with self.scenario.located("controller"):
+            with self.scenario.located("controller") if given is None else nullcontext():
                 chosen = self._named(str(chosen))
         bind = getattr(chosen, "bind", None)
         with self.scenario.located("connect"):
