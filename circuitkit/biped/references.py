@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.base.source import Document, FileModel
+from circuitkit.base.source import Document, FileModel, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
 from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import Body, walk_reference
@@ -174,13 +173,10 @@ def known_body(robot: RobotModel, biped: BipedBody) -> Body:
 
 def _moment(where: Mapping[str, Any]) -> GaitMoment:
     try:
-        return GaitMoment.model_validate_json(json.dumps(dict(where)), strict=True)
-    except ValidationError as error:
-        detail = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in detail["loc"])
-        found = f"found {key} {detail['input']!r}" if detail["type"] != "missing" else f"missing key '{key}'"
-        allowed = "a time such as 5 s, or {step: 8, phase: lift, at: 40 %} with a phase of transfer, lift, extend"
-        raise InputError(Problem("", 0, 0, f"start.{key}", f"{found}; allowed: {allowed}")) from error
+        return validate_model(Document("", dict(where), {}), GaitMoment)
+    except InputError as error:
+        problems = (Problem("", 0, 0, f"start.{p.where}".rstrip("."), p.message, p.hint) for p in error.problems)
+        raise InputError(*problems) from error
 
 
 @lru_cache(maxsize=32)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any, Protocol
+from types import MappingProxyType
+from typing import Any, Protocol, TypeAlias
 
 import mujoco
 import numpy as np
@@ -28,6 +29,9 @@ from circuitkit.robots.spec import ChannelSpec, Robot
 _HINGE, _SLIDE, _FREE = (
     int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
 )
+
+
+Complain: TypeAlias = Callable[[str, int], Problem]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +154,7 @@ class RobotModel:
 def build_model(
     robot: Robot,
     changes: Iterable[Callable[[RobotModel], object]] = (),
-    references: Sequence[Call] = (),
+    references: Mapping[str, tuple[Call, Complain]] = MappingProxyType({}),
     *,
     looks: bool = False,
 ) -> RobotModel:
@@ -160,7 +164,7 @@ def build_model(
         robot: The robot file.
         changes: What differs in the compiled model, such as a heavier body; each is called with it.
         references: Of expressions elsewhere, such as a scenario's measures; each becomes a channel whose name
-            is its text, such as `position(ball, x)`.
+            is its text, such as `position(ball, x)`. With what makes a complaint of a message and an offset.
         looks: Keep geoms that are only seen; physics is the same to the last bit without them, and faster.
 
     Raises:
@@ -174,7 +178,7 @@ def build_model(
     servos = _add_servos(mj, robot, problems)
     prepared = _prepared(mj, robot, problems)
     bound = _bind_channels(robot, sensors, problems)
-    bound |= _bind_references(references, sensors)
+    bound |= _bind_references(references, sensors, problems)
     if problems:
         raise InputError(*problems)
     sees = any(sensor.type == mujoco.mjtSensor.mjSENS_RANGEFINDER for sensor in mj.sensors)
@@ -306,14 +310,20 @@ def _bound(spec: ChannelSpec, sensors: Sensors) -> _Bound:
     return _Bound(unit, value, spec.description, spec.pair("range"))
 
 
-def _bind_references(references: Sequence[Call], sensors: Sensors) -> dict[str, _Bound]:
+def _bind_references(
+    references: Mapping[str, tuple[Call, Complain]], sensors: Sensors, problems: list[Problem]
+) -> dict[str, _Bound]:
     found = {}
-    for call in references:
+    for text, (call, complain) in references.items():
         dimensions: dict[str, OpenDimension] = {}
-        shown, value = bind(call, sensors, dimensions)
+        try:
+            shown, value = bind(call, sensors, dimensions)
+        except ExpressionError as error:
+            problems.append(complain(str(error), error.offset))
+            continue
         dimension = dimension_of(shown, dimensions)
         unit = parse_unit("1" if dimension is None else named_symbol(dimension.fixed))
-        found[str(call)] = _Bound(unit, value)
+        found[text] = _Bound(unit, value)
     return found
 
 

@@ -78,6 +78,14 @@ def _word(kind: mujoco.mjtSensor) -> str:
     return kind.name.removeprefix("mjSENS_").lower()
 
 
+@dataclass(frozen=True)
+class StandIn(Name):
+    """A name that stands for a part of an expression while its units are checked; it is shown as that part."""
+
+    def __str__(self) -> str:
+        return self.name
+
+
 class Sensors:
     """The sensors of a model: those of the MJCF, and those that expressions need beside them."""
 
@@ -165,11 +173,11 @@ def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDim
                 meaning = _REFERENCES[function].meaning(sensors, words)
             except ExpressionError as error:
                 raise ExpressionError(str(error), expression.offset) from error
-            text = f"{function}({', '.join(words)})"
+            text = str(expression)
             if meaning.dimension is None:
                 return Number(0.0, offset=expression.offset), meaning.value  # 0 fits any unit
             dimensions[text] = meaning.dimension
-            return Name(text, offset=expression.offset), meaning.value
+            return StandIn(text, offset=expression.offset), meaning.value
         case Unary(operator=sign, operand=operand):
             shown, value = bind(operand, sensors, dimensions)
             return Unary(sign, shown, offset=expression.offset), Unary(sign, value)
@@ -374,4 +382,4 @@ def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
 
 
 ARITIES = {name: reference.arity for name, reference in _REFERENCES.items()}
-__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "bind", "column", "column_index", "no_such"]
+__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "StandIn", "bind", "column", "column_index", "no_such"]

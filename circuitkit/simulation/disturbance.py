@@ -5,7 +5,8 @@ A kind is a module in `disturbances`: a model of what the file says, and `act`, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -63,7 +64,7 @@ class Disturbance(FileModel):
         """Change the compiled model, for the whole run.
 
         Raises:
-            UnknownNameError: The model lacks a part; lists those it has.
+            InputError: The model lacks a part; lists those it has. Its place is that within the settings.
         """
 
     @property
@@ -286,7 +287,8 @@ class Effects:
                 return self.reference.moment(start, self.ticks * self.step_s)
             return self.reference.at(float(start))
         except InputError as error:
-            raise InputError(*(_placed(problem, f"{where}.start") for problem in error.problems)) from error
+            problems = (_placed(each, f"{where}.{each.where or 'start'}") for each in error.problems)
+            raise InputError(*problems) from error
 
     def window(self, start: Any, duration: float | None, where: str) -> tuple[int, int]:  # noqa: ANN401 - as above
         """First tick and one past the last tick of something; to the end without a duration."""
@@ -320,11 +322,20 @@ class Effects:
                 if model.sensor(i).name == pattern:
                     first = int(model.sensor_adr[i])
                     return list(range(first, first + int(model.sensor_dim[i]))), []
-            error = UnknownNameError("channel", pattern, [*self.robot.channels, *roles])
-            raise InputError(*(_placed(problem, where) for problem in error.problems)) from error
+            with placed(where):
+                raise UnknownNameError("channel", pattern, dict.fromkeys([*self.robot.channels, *roles]))
         bare = [each.value.bare for each in channels]
         columns = list(dict.fromkeys(column for column in bare if column is not None))
         return columns, [each.name for each, column in zip(channels, bare, strict=True) if column is None]
+
+
+@contextmanager
+def placed(where: str) -> Iterator[None]:
+    """Give a complaint about an unknown name the place in the scenario where the name stands."""
+    try:
+        yield
+    except UnknownNameError as error:
+        raise InputError(*(_placed(problem, where) for problem in error.problems)) from error
 
 
 def _placed(problem: Problem, where: str) -> Problem:
@@ -375,5 +386,5 @@ def draw_effects(
 
 __all__ = [
     "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start", "draw_effects",
-    "item_class",
+    "item_class", "placed",
 ]  # fmt: skip

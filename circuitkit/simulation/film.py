@@ -21,14 +21,11 @@ from circuitkit.simulation.summary import PushSpan, summarise
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
 
-    from circuitkit.simulation.result import Result
-
 FRAMES_PER_S = 25
 SCENE_HEIGHT = 440
 FRAME_SIZE = (PANEL_WIDTH, SCENE_HEIGHT + PANEL_HEIGHT)
 
 _VERDICT_S = 1.5  # for so long at the end the film says how it ended
-_AFTER_END_S = 0.2
 _RED = "#c8201a"
 _GAP = 4  # between films side by side, [pixels]
 _FADED = 0.45  # how much of a film that is over is white
@@ -84,8 +81,8 @@ class Reel:
         self._panel = Panel(result, self._summary)
         self._scene = CameraScene(recording, PANEL_WIDTH, SCENE_HEIGHT)
         self._last = recording.ticks - 1
-        if self._summary.ended_s is not None:  # later a robot that fell may sink into the ground
-            self._last = min(self._last, round((self._summary.ended_s + _AFTER_END_S) / recording.step_s))
+        if self._summary.ended_s is not None:
+            self._last = self._scene.replay.last_above_ground(int(recording.end_tick[0]))
 
     def frame(self, number: int) -> Image.Image:
         """A frame by its number; after the last one, the last one, faded."""

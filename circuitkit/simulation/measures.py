@@ -28,7 +28,7 @@ from circuitkit.circuit.expressions.expression import (
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.control import Array
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
-from circuitkit.robots.parts import ARITIES, REFERENCES
+from circuitkit.robots.parts import ARITIES, REFERENCES, StandIn
 
 Value: TypeAlias = "float | bool | None"
 Series: TypeAlias = Callable[[Array, float], Array]
@@ -375,7 +375,7 @@ def _named(tree: Expression, references: dict[str, Call]) -> Expression:
     match tree:
         case Call(function=function) if function in REFERENCES:
             references[str(tree)] = tree
-            return Name(str(tree), offset=tree.offset)
+            return StandIn(str(tree), offset=tree.offset)
         case Call(function=function, arguments=arguments):
             return Call(function, tuple(_named(each, references) for each in arguments), offset=tree.offset)
         case Binary(operator=joint, left=left, right=right):
@@ -399,9 +399,8 @@ def _checked(
     def stand_in(part: Call, dimension: OpenDimension | None) -> Expression:
         if dimension is None:
             return Number(0.0, offset=part.offset)
-        name = f"{part.function} {len(extra)}"
-        extra[name] = dimension
-        return Name(name, offset=part.offset)
+        extra[str(part)] = dimension
+        return StandIn(str(part), offset=part.offset)
 
     def walk(part: Expression) -> Expression:
         match part:

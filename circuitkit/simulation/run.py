@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from circuitkit.base.errors import MissingDependencyError
+from circuitkit.base.errors import InputError, MissingDependencyError, Problem
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Controller
 from circuitkit.robots import Robot
 from circuitkit.simulation.disturbance import RunSpec
-from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.loop import Setup, run_loop
 from circuitkit.simulation.plan import CIRCUIT, Plan, make_plan
 from circuitkit.simulation.result import Result
 from circuitkit.simulation.scenario import Scenario, load_scenario, parse_push, with_push
@@ -144,7 +144,7 @@ def _run(
     spec = plan.own_spec(seed)
     if push is not None:
         spec = RunSpec(spec.seed, with_push(scenario, parse_push(push, scenario)))
-    setup = plan.setup(controller, [spec])
+    setup = _setup(plan, controller, spec, given=push is not None)
     from circuitkit.simulation.progress import progress_bar  # brings rich
 
     with progress_bar(plan.ticks, controller.name, shown=progress) as advance:
@@ -159,6 +159,17 @@ def _run(
 
         draw_result(result, Path(output))
     return result
+
+
+def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) -> Setup:
+    """What runs; a direction that nobody knows is one of `--push` if that was given."""
+    try:
+        return plan.setup(controller, [spec])
+    except InputError as error:
+        if not given or not all(each.where.endswith(".push.direction") for each in error.problems):
+            raise
+        problems = (Problem("", 0, 0, "--push: direction", each.message, each.hint) for each in error.problems)
+        raise InputError(*problems) from error
 
 
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, create_model, field_validator, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError
 from circuitkit.base.source import (
@@ -129,6 +129,13 @@ def _as_file(value: Any) -> Any:  # noqa: ANN401 - any field
     return value
 
 
+_TAKEN: Mapping[str, tuple[tuple[type, ...], str]] = {  # no types: what is neither a number nor a mapping nor a list
+    "robot": ((str, Path, Robot), "the name of a robot, the path of a robot file, or a Robot"),
+    "circuit": ((str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
+    "controller": ((), "a name, a path, or a Controller"),
+}
+
+
 class Scenario(FileModel, metaclass=_TakesObjects):
     """A simulation.
 
@@ -173,21 +180,19 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         """Pickle by the function that makes the class."""
         return unfilled, (scenario_class,), self.__getstate__()
 
-    @model_validator(mode="after")
-    def _takes(self) -> Scenario:
-        for key, kinds, allowed in (
-            ("robot", (str, Path, Robot), "the name of a robot, the path of a robot file, or a Robot"),
-            ("circuit", (str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
-        ):
-            if not isinstance(found := getattr(self, key), kinds):
-                message = f"{key}: found {describe(found) if isinstance(found, dict | list) else found}; allowed: {allowed}"
-                raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError
-        if isinstance(self.controller, int | float | dict | list):
-            message = f"controller: found {describe(self.controller)}; allowed: a name, a path, or a Controller"
+    @field_validator("robot", "circuit", "controller")
+    @classmethod
+    def _takes(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - text or an object
+        key = str(info.field_name)
+        kinds, allowed = _TAKEN[key]
+        fits = isinstance(value, kinds) if kinds else not isinstance(value, int | float | dict | list)
+        if not fits:
+            plain = isinstance(value, int | float | dict | list | type(None))
+            message = f"found {describe(value) if plain else repr(value)}; allowed: {allowed}"
             raise ValueError(message)
-        return self
+        return value
 
-    @cached_property
+    @property
     def befalling(self) -> tuple[Disturbance, ...]:
         """The disturbances themselves."""
         return tuple(item.disturbance for item in self.disturbances)
@@ -197,14 +202,14 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         """The pushes among the disturbances."""
         return tuple(each for each in self.befalling if isinstance(each, Push))
 
-    @cached_property
+    @property
     def formulas(self) -> dict[str, str]:
         """The measures that are expressions, by name; `survived` unless the scenario has its own."""
         extra = getattr(self.measures, "__pydantic_extra__", None)
         own = dict(extra if extra is not None else self.measures or {})
         return own if "survived" in own else {"survived": "not ended", **own}
 
-    @cached_property
+    @property
     def measure_kinds(self) -> tuple[Any, ...]:
         """The measures of registered kinds."""
         found = [getattr(self.measures, kind, None) for kind in MEASURES.kinds]
@@ -227,11 +232,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     def with_disturbances(self, disturbances: tuple[Disturbance, ...]) -> Scenario:
         """The same scenario with others."""
         item = item_class()
-        changed = self.model_copy(
+        return self.model_copy(
             update={"disturbances": tuple(item(**{each.kind: each}) for each in disturbances)}
         )
-        changed.__dict__.pop("befalling", None)
-        return changed
 
     def file(self, name: str) -> str:
         """A file that the scenario names, from the scenario's own folder if it is a relative path."""

@@ -26,6 +26,7 @@ _AZIMUTH_DEG, _ELEVATION_DEG = 148.0, -12.0  # from the robot's front right
 _SIZES_AWAY = 1.75  # the camera is so many sizes of the robot away
 _ARROW_SIZES = 0.45  # a push's arrow, in sizes of the robot
 _FAR_SIZES = 6.0
+_SUNK = 0.15  # of the height at the start: lower than this the robot is not shown any more
 
 
 def film_model(robot: RobotModel, width: int = 640, height: int = 480) -> mujoco.MjModel:
@@ -100,7 +101,9 @@ class ReplayModel:
         self._body = int(recorded.jnt_bodyid[base]) if base is not None else _heaviest(recorded)
         self.stand(0)
         self.size_m = _size(self.model, self.data, self._body)
-        self.centre_m = self._centres(round(_FOLLOW_S / recording.step_s))
+        path = self._path()
+        self.centre_m = _followed(path, round(_FOLLOW_S / recording.step_s))
+        self._height = path[:, 2] - _ground(recorded)
 
     def stand(self, tick: int) -> None:
         """Take the pose after a tick."""
@@ -110,13 +113,18 @@ class ReplayModel:
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_tendon(self.model, self.data)
 
-    def _centres(self, window: int) -> Array:
+    def last_above_ground(self, tick: int) -> int:
+        """The last tick, from a given one on, before the robot sinks into the ground with parts that touch nothing."""
+        sunk = self._height[tick:] < _SUNK * self._height[0]
+        return tick + int(sunk.argmax()) - 1 if sunk.any() else len(self._qpos) - 1
+
+    def _path(self) -> Array:
         path = np.empty((len(self._qpos), 3))
         for tick in range(len(path)):
             self.data.qpos[:] = self._qpos[tick]
             mujoco.mj_kinematics(self.model, self.data)
             path[tick] = self.data.xipos[self._body]
-        return _followed(path, window)
+        return path
 
     def arrow(self, push: PushSpan) -> tuple[Array, Array]:
         """Tail and tip of a push's arrow: it points at where the push acts and ends on the surface."""
@@ -127,6 +135,13 @@ class ReplayModel:
         away = mujoco.mj_ray(self.model, self.data, start, direction, None, 0, -1, hit)
         tip: Array = start + (away if 0 <= away <= far else far) * direction
         return tip - _ARROW_SIZES * self.size_m * direction, tip
+
+
+def _ground(model: mujoco.MjModel) -> float:
+    """Height of the highest level ground; far below if there is none."""
+    kinds = np.array([mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD], dtype=int)
+    level = np.isin(model.geom_type, kinds) & (model.body_weldid[model.geom_bodyid] == 0)
+    return float(model.geom_pos[level, 2].max(initial=-np.inf))
 
 
 def _film_camera(model: mujoco.MjModel) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from walking import nao, nao_body, naos, walk_of_nao
 
-from circuitkit.base.errors import UnknownNameError
+from circuitkit.base.errors import InputError
 from circuitkit.biped.dynamics import BodyDynamics
 from circuitkit.biped.gait import LEG_JOINTS, load_gait
 from circuitkit.biped.sensing import centre_of_pressure, total_centre_of_pressure
@@ -94,10 +94,10 @@ def test_a_payload_comes_after_the_factor():
 
 
 def test_a_payload_on_a_body_that_does_not_exist_is_refused():
-    with pytest.raises(UnknownNameError) as caught:
+    with pytest.raises(InputError) as caught:
         varied(Body(body="r_hand", payload=0.3))
     said = str(caught.value)
-    assert said.startswith("unknown body 'r_hand'; allowed: torso, left_foot, right_foot, Neck, Head, ")
+    assert said.startswith("body: unknown body 'r_hand'; allowed: torso, left_foot, right_foot, Neck, Head, ")
 
 
 # --- slope --------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from circuitkit.simulation import make_plan
 from circuitkit.simulation.disturbances.jitter import Jitter
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.plots import draw_comparison, draw_result
-from circuitkit.simulation.run import Result
+from circuitkit.simulation.result import Result
 from circuitkit.simulation.summary import summarise
 
 TICK_S = 0.01

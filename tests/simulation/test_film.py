@@ -12,32 +12,31 @@ import imageio_ffmpeg
 import mujoco
 import numpy as np
 import pytest
+from walking import a_push, nao_body, scenario, walk_alone
 
 from circuitkit.base.errors import MissingDependencyError
-from circuitkit.simulation import screen
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation import make_plan, renderer as renderers
+from circuitkit.simulation.film import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, frame_count
 from circuitkit.simulation.panel import Panel
-from circuitkit.simulation.puppet import Puppet, film_model
-from circuitkit.simulation.run import Result, make_plan
-from circuitkit.simulation.scenario import Push, Start, load_scenario
-from circuitkit.simulation.screen import RendererError
-from circuitkit.simulation.story import PushSpan, tell
-from circuitkit.biped.thresholds import judge
-from circuitkit.simulation.video import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, film_side_by_side, frame_count
-from circuitkit.simulation.watch import DisplayError, replay, watch
+from circuitkit.simulation.renderer import RendererError
+from circuitkit.simulation.result import Result
+from circuitkit.simulation.scene import ReplayModel, film_model
+from circuitkit.simulation.summary import PushSpan, summarise
+from circuitkit.simulation.viewer import DisplayError, replay, watch
 
 LEFTWARD = np.array([0.0, 1.0, 0.0])
 
 
+def span(body, start_s, end_s, force):
+    return PushSpan(body, start_s, end_s, force, np.zeros(3))
+
+
 def run(controller, force):
     """A short walk with a push to the right in its second step."""
-    start = Start(step=1, phase="lift", at="40 %")
-    push = Push(body="torso", force=force, direction="right", duration="200 ms", start=start)
-    scenario = load_scenario("nao_push").model_copy(update={"duration": 3.2, "pushes": (push,)})
-    plan = make_plan(scenario)
-    recording = run_loop(plan.setup(controller, [Trial(0, scenario.pushes)]))
-    return Result(scenario, push, recording, judge(recording, scenario.thresholds), None)
+    push = a_push(force=force, direction="right", step=1)
+    plan = make_plan(scenario("gait_walk_2cm", [push], duration=3.2))
+    recording = walk_alone(plan, controller)
+    return Result(plan.scenario, recording, recording.measures[0])
 
 
 def cut(result, begin_s, end_s):
@@ -45,28 +44,26 @@ def cut(result, begin_s, end_s):
     rows = slice(round(begin_s * 100), round(end_s * 100))
     fields = ("readings", "qpos", "observations", "commands", "trace")
     parts = {name: getattr(result.recording, name)[rows] for name in fields}
-    fates = dataclasses.replace(result.recording.fates, pushes=())
-    recording = dataclasses.replace(result.recording, fates=fates, **parts)
-    return dataclasses.replace(
-        result, recording=recording, verdict=judge(recording, result.scenario.thresholds)
-    )
+    effects = dataclasses.replace(result.recording.effects, forces=[])
+    recording = dataclasses.replace(result.recording, effects=effects, end_tick=np.array([-1]), **parts)
+    return dataclasses.replace(result, recording=recording)
 
 
 @pytest.fixture(scope="module")
 def pushed():
-    return run("circuit", "20 N")
+    return run("circuit", 9.0)
 
 
 @pytest.fixture(scope="module")
 def fallen():
-    return run("open_loop", "80 N")
+    return run("open_loop", 80.0)
 
 
 @pytest.fixture(scope="module")
 def renderer():
     """Skips where nothing can be drawn; what then happens is tested below without a renderer."""
     try:
-        return screen.graphics_library()
+        return renderers.graphics_library()
     except RendererError as error:
         pytest.skip(str(error))
 
@@ -74,7 +71,7 @@ def renderer():
 @pytest.fixture(scope="module")
 def frames(renderer, pushed):  # noqa: ARG001 - skips without one
     """Pictures before, during and after the push."""
-    start, end = pushed.recording.fates.windows_s[0]
+    start, end = pushed.recording.effects.windows_s[0]
     reel = Reel(pushed)
     moments = {"before": start - 0.1, "during": (start + end) / 2, "after": end + 0.1}
     pictures = {name: np.asarray(reel.frame(round(time * FRAMES_PER_S))) for name, time in moments.items()}
@@ -115,36 +112,45 @@ def test_the_robot_stands_in_the_picture_and_moves(frames):
     assert np.abs(frames["before"].astype(int) - frames["after"]).mean() > 1
 
 
-@pytest.mark.parametrize("force_n", [10.0, 20.0, 40.0])
-def test_the_arrow_is_as_long_as_the_force_is_large_and_ends_at_the_robot(pushed, force_n):
-    puppet = Puppet(pushed.recording)
-    puppet.stand(100)
-    span = PushSpan(pushed.recording.robot.torso_id, 1.0, 1.2, -force_n * LEFTWARD)
-    tail, tip = puppet.arrow(span)
-    np.testing.assert_allclose(tip - tail, -0.011 * force_n * LEFTWARD, atol=1e-12)
-    centre = puppet.data.body(pushed.recording.robot.spec.torso).xipos
+@pytest.mark.parametrize("force_n", [10.0, 40.0])
+def test_the_arrow_points_along_the_force_and_ends_at_the_robot(pushed, force_n):
+    """It is nearly half as long as the robot is large, whatever the force, which stands beside it."""
+    model = ReplayModel(pushed.recording)
+    model.stand(100)
+    tail, tip = model.arrow(span(nao_body().torso_id, 1.0, 1.2, -force_n * LEFTWARD))
+    np.testing.assert_allclose(tip - tail, -0.45 * model.size_m * LEFTWARD, atol=1e-12)
+    assert 0.5 < model.size_m < 1.2
+    centre = model.data.body(nao_body().block.torso).xipos
     np.testing.assert_allclose(tip[[0, 2]], centre[[0, 2]])
     assert 0.05 < tip[1] - centre[1] < 0.2  # on the arm or the side of the body
 
 
+def test_an_arrow_ends_where_the_push_acts(pushed):
+    model = ReplayModel(pushed.recording)
+    model.stand(100)
+    high = PushSpan(nao_body().torso_id, 1.0, 1.2, -LEFTWARD, np.array([0.0, 0.0, 0.05]))
+    tips = [model.arrow(push)[1] for push in (span(nao_body().torso_id, 1.0, 1.2, -LEFTWARD), high)]
+    assert tips[1][2] - tips[0][2] == pytest.approx(0.05)
+
+
 def test_a_short_push_is_shown_long_enough_to_be_seen():
-    span = PushSpan(1, 2.0, 2.05, LEFTWARD)
-    assert [span.shown_at(time) for time in (1.99, 2.0, 2.19, 2.21)] == [False, True, True, False]
-    longer = PushSpan(1, 2.0, 2.4, LEFTWARD)
+    short = span(1, 2.0, 2.05, LEFTWARD)
+    assert [short.shown_at(time) for time in (1.99, 2.0, 2.19, 2.21)] == [False, True, True, False]
+    longer = span(1, 2.0, 2.4, LEFTWARD)
     assert longer.shown_at(2.39)
     assert not longer.shown_at(2.4)
 
 
-def test_the_puppet_takes_the_recorded_poses(pushed):
+def test_the_model_takes_the_recorded_poses(pushed):
     """Forward kinematics of the film's model gives the ankles where the run's own sensors saw them."""
     recording = pushed.recording
-    puppet = Puppet(recording)
+    model = ReplayModel(recording)
     for tick in (0, 57, 200):
-        puppet.stand(tick)
-        for side, foot in enumerate((recording.robot.spec.feet.left, recording.robot.spec.feet.right)):
-            seen = recording.readings[tick, 0, recording.robot.layout.foot(side)]
+        model.stand(tick)
+        for side, foot in enumerate((nao_body().block.feet.left, nao_body().block.feet.right)):
+            seen = recording.readings[tick, 0, nao_body().layout.foot(side)]
             # Sensors are read before the last of the tick's time steps, positions after it.
-            np.testing.assert_allclose(puppet.data.body(foot.body).xpos, seen, atol=5e-3)
+            np.testing.assert_allclose(model.data.body(foot.body).xpos, seen, atol=5e-3)
 
 
 def test_the_films_model_has_the_joints_of_the_robot_and_all_its_looks(pushed):
@@ -159,13 +165,21 @@ def test_the_films_model_has_the_joints_of_the_robot_and_all_its_looks(pushed):
 
 
 def test_a_fallen_robot_is_not_shown_inside_the_ground(fallen):
-    puppet = Puppet(fallen.recording)
-    fall = round(fallen.verdict.time_of_fall_s * 100)
-    last = puppet.last_above_ground(fall)
-    assert fall - 1 <= last < fallen.recording.ticks
-    puppet.stand(last)
-    torso = fallen.recording.robot.spec.torso
-    assert puppet.data.body(torso).xpos[2] > 0.03
+    """Only its soles touch the ground, so that it sinks in; the picture stops before."""
+    recording, model = fallen.recording, ReplayModel(fallen.recording)
+    fall = int(recording.end_tick[0])
+    last = model.last_above_ground(fall)
+    assert fall <= last < recording.ticks - 1
+    heights = []
+    for tick in (last, recording.ticks - 1):
+        model.stand(tick)
+        heights.append(model.data.body(nao_body().block.torso).xpos[2])
+    assert heights[0] > 0.03
+    assert heights[1] < 0
+
+
+def test_a_robot_that_stays_above_the_ground_is_shown_to_the_end(pushed):
+    assert ReplayModel(pushed.recording).last_above_ground(100) == pushed.recording.ticks - 1
 
 
 def test_active_neurons_light_up(pushed):
@@ -174,7 +188,7 @@ def test_active_neurons_light_up(pushed):
             pushed.recording, trace=np.full_like(pushed.recording.trace, activity)
         )
         result = dataclasses.replace(pushed, recording=recording)
-        return np.asarray(Panel(result, tell(result)).picture(150)).astype(int)
+        return np.asarray(Panel(result, summarise(result)).picture(150)).astype(int)
 
     def coloured(picture):
         return int((picture.max(axis=-1) - picture.min(axis=-1) > 100)[:, :420].sum())
@@ -185,18 +199,18 @@ def test_active_neurons_light_up(pushed):
 
 
 def test_the_panel_works_without_a_circuit_and_with_readings_that_are_missing(pushed, fallen):
-    assert np.asarray(Panel(fallen, tell(fallen)).picture(10)).shape == (200, 640, 3)
+    assert np.asarray(Panel(fallen, summarise(fallen)).picture(10)).shape == (200, 640, 3)
     observations = np.full_like(pushed.recording.observations, np.nan)
     result = dataclasses.replace(
         pushed, recording=dataclasses.replace(pushed.recording, observations=observations)
     )
-    assert np.asarray(Panel(result, tell(result)).picture(10)).shape == (200, 640, 3)
+    assert np.asarray(Panel(result, summarise(result)).picture(10)).shape == (200, 640, 3)
 
 
 @pytest.mark.usefixtures("renderer")
 def test_a_film_is_in_real_time(pushed, tmp_path):
     short = cut(pushed, 1.0, 1.44)
-    path = film(short, tmp_path / "film.mp4")
+    path = film([short], tmp_path / "film.mp4")
     facts, pictures = decoded(path, (640, 640))
     assert " 640x640" in facts
     assert f" {FRAMES_PER_S} fps" in facts
@@ -205,7 +219,7 @@ def test_a_film_is_in_real_time(pushed, tmp_path):
 
 @pytest.mark.usefixtures("renderer")
 def test_side_by_side_the_shorter_film_waits_in_grey(pushed, fallen, tmp_path):
-    path = film_side_by_side([cut(fallen, 0.0, 0.2), cut(pushed, 0.0, 0.4)], tmp_path / "both.mp4")
+    path = film([cut(fallen, 0.0, 0.2), cut(pushed, 0.0, 0.4)], tmp_path / "both.mp4")
     facts, pictures = decoded(path, (2 * 640 + 4, 640))
     assert " 1284x640" in facts
     assert len(pictures) == 10
@@ -224,7 +238,7 @@ def test_side_by_side_the_shorter_film_waits_in_grey(pushed, fallen, tmp_path):
 def test_without_the_encoder_the_message_names_the_extra(monkeypatch, pushed, tmp_path):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingDependencyError) as caught:
-        film(pushed, tmp_path / "film.mp4")
+        film([pushed], tmp_path / "film.mp4")
     assert str(caught.value) == (
         "writing a video needs the package 'imageio-ffmpeg', which is not installed; "
         "install it with: pip install 'neurocircuitkit[video]'"
@@ -237,21 +251,21 @@ def graphics(monkeypatch):
     """A system on which a set of graphics libraries works."""
 
     def works(names, wanted=None):
-        monkeypatch.setattr(screen, "_try", lambda name: None if name in names else "not installed")
-        monkeypatch.setattr(screen.sys, "platform", "linux")
+        monkeypatch.setattr(renderers, "_try", lambda name: None if name in names else "not installed")
+        monkeypatch.setattr(renderers.sys, "platform", "linux")
         monkeypatch.delenv("MUJOCO_GL", raising=False)
         if wanted is not None:
             monkeypatch.setenv("MUJOCO_GL", wanted)
-        screen.graphics_library.cache_clear()
+        renderers.graphics_library.cache_clear()
 
     yield works
-    screen.graphics_library.cache_clear()
+    renderers.graphics_library.cache_clear()
 
 
 def test_without_a_renderer_the_message_names_the_missing_package(graphics, pushed, tmp_path):
     graphics(set())
     with pytest.raises(RendererError) as caught:
-        film(pushed, tmp_path / "film.mp4")
+        film([pushed], tmp_path / "film.mp4")
     assert str(caught.value) == (
         "found no off-screen renderer (egl: not installed; osmesa: not installed); install the system "
         "package that brings one (no graphics card is needed): on Debian or Ubuntu "
@@ -264,17 +278,17 @@ def test_without_a_renderer_the_message_names_the_missing_package(graphics, push
 
 def test_the_first_library_that_works_is_taken_and_a_wanted_one_is_obeyed(graphics):
     graphics({"egl", "osmesa"})
-    assert screen.graphics_library() == "egl"
+    assert renderers.graphics_library() == "egl"
     graphics({"osmesa"})
-    assert screen.graphics_library() == "osmesa"
+    assert renderers.graphics_library() == "osmesa"
     graphics({"egl", "osmesa"}, wanted="OSMesa")
-    assert screen.graphics_library() == "osmesa"
+    assert renderers.graphics_library() == "osmesa"
 
 
 def test_a_wanted_library_that_does_not_work_is_named_with_its_package(graphics):
     graphics({"egl"}, wanted="osmesa")
     with pytest.raises(RendererError) as caught:
-        screen.graphics_library()
+        renderers.graphics_library()
     assert str(caught.value) == (
         "found no off-screen renderer (osmesa: not installed); install the system package that brings one "
         "(no graphics card is needed): on Debian or Ubuntu `apt install libosmesa6`, on Fedora "
@@ -285,7 +299,7 @@ def test_a_wanted_library_that_does_not_work_is_named_with_its_package(graphics)
 def test_a_library_that_nobody_knows_is_refused(graphics):
     graphics({"egl"}, wanted="vulkan")
     with pytest.raises(RendererError) as caught:
-        screen.graphics_library()
+        renderers.graphics_library()
     assert str(caught.value) == (
         "no off-screen renderer: MUJOCO_GL is 'vulkan'; allowed: egl, osmesa, glfw, glx, or unset to search"
     )
@@ -304,20 +318,20 @@ def test_watching_needs_a_display(monkeypatch, pushed):
 
 def test_the_viewer_replays_in_real_time_again_and_again(pushed):
     """A window that is closed after some pictures, and a clock that jumps."""
-    puppet = Puppet(pushed.recording)
-    start, end = pushed.recording.fates.windows_s[0]
+    model = ReplayModel(pushed.recording)
+    start, end = pushed.recording.effects.windows_s[0]
     duration = pushed.recording.time_s[-1]
     moments = iter([0.0, 0.5, (start + end) / 2, duration + 0.5, duration + 1.0 + 0.25])
     seen = []
-    scene = mujoco.MjvScene(puppet.model, maxgeom=100)
+    scene = mujoco.MjvScene(model.model, maxgeom=100)
     window = SimpleNamespace(
         cam=mujoco.MjvCamera(),
         user_scn=scene,
         lock=nullcontext,
         is_running=lambda: len(seen) < 4,
-        sync=lambda: seen.append((round(puppet.data.time * 100), scene.ngeom)),
+        sync=lambda: seen.append((round(model.data.time * 100), scene.ngeom)),
     )
-    replay(pushed, puppet, window, clock=lambda: next(moments), sleep=lambda _: None)
+    replay(pushed, model, window, clock=lambda: next(moments), sleep=lambda _: None)
     shown = [tick for tick, _ in seen]
     assert shown == [51, round((start + end) / 2 * 100 + 0.5), pushed.recording.ticks, 26]
     assert [geoms > 0 for _, geoms in seen] == [False, True, False, False]

@@ -12,7 +12,7 @@ from circuitkit.base.source.fields import Ratio, Seconds
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel, Worlds
 from circuitkit.robots.model import drives_position
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
+from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start, placed
 
 
 class Actuator(Disturbance):
@@ -41,7 +41,8 @@ class Actuator(Disturbance):
         """Change gains of the compiled model."""
         model = robot.model
         if self.changes_model:
-            self._scale(robot, model.actuator_gainprm, model.actuator_biasprm)
+            with placed("actuator"):
+                self._scale(robot, model.actuator_gainprm, model.actuator_biasprm)
 
     def _scale(self, robot: RobotModel, gains: Array, biases: Array) -> None:
         """Scale gains, shape (..., nu, n), and biases, in place."""
@@ -67,7 +68,8 @@ class Actuator(Disturbance):
         first, last = effects.window(self.start, self.duration, where)
         words = f"{self.actuator} dead" if self.strength == 0 else f"{self.actuator} weak"
         effects.spans.append((words, first * effects.step_s, last * effects.step_s))
-        effects.robot.matching("actuator", self.actuator)  # complains before the run if there is none
+        with placed(f"{where}.actuator"):  # before the run
+            effects.robot.matching("actuator", self.actuator)
         kept: dict[str, Array] = {}
 
         def begin(_: int, worlds: Worlds) -> None:

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.source.fields import Seconds
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook
+from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, placed
 
 
 class Delay(Disturbance):
@@ -55,9 +55,8 @@ class Delay(Disturbance):
 def _places(pattern: str, used: Sequence[str], there: Sequence[str], kind: str, where: str) -> list[int]:
     """Where the names that match a pattern stand among those in use."""
     if not any(fnmatchcase(name, pattern) for name in (*there, *used)) and pattern != "*":
-        error = UnknownNameError(kind, pattern, there)
-        problem = error.problems[0]
-        raise InputError(Problem("", 0, 0, f"{where}.{kind}", problem.message, problem.hint)) from error
+        with placed(f"{where}.{kind}"):
+            raise UnknownNameError(kind, pattern, dict.fromkeys((*there, *used)))
     return [i for i, name in enumerate(used) if fnmatchcase(name, pattern)]
 
 

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from pydantic import Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Metres, MetresPerSecond
 from circuitkit.robots import Worlds
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
+from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start, placed
 
 
 class Move(Disturbance):
@@ -37,11 +37,8 @@ class Move(Disturbance):
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:  # noqa: ARG002 - all robots
         """Find the body, and set its state when the time has come."""
         model = effects.robot.model
-        try:
+        with placed(f"{where}.body"):
             body = effects.robot.number("body", self.body)
-        except UnknownNameError as error:
-            problem = error.problems[0]
-            raise InputError(Problem("", 0, 0, f"{where}.body", problem.message, problem.hint)) from error
         joint = int(model.body_jntadr[body])
         free = joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
         mocap = int(model.body_mocapid[body])

@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError, listing, suggest
+from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.source import describe
 from circuitkit.base.source.fields import Metres, NewtonMetres, Newtons, Seconds
 from circuitkit.base.units import UnitError, parse_quantity, parse_unit
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start
+from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start, placed
 from circuitkit.simulation.reference import Moment
 
 _HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit
@@ -30,8 +30,11 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
 }
 
 
-def check_direction(value: str) -> str:
+def check_direction(value: object) -> str:
     """Refuse an angle of more than once round; words are looked up when the reference is known."""
+    if not isinstance(value, str):
+        message = f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 deg'"
+        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
     if _is_angle(value) and not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
         message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
         raise ValueError(message)
@@ -57,7 +60,7 @@ class Push(Disturbance):
     body: str = Field(description="A body of the MJCF, or what a block of the robot file calls one, such as torso.")
     force: Newtons | None = Field(default=None, ge=0)
     torque: NewtonMetres | None = Field(default=None, ge=0, description="About `direction`, instead of a force.")
-    direction: Annotated[str, AfterValidator(check_direction)] = Field(
+    direction: Annotated[str, BeforeValidator(check_direction)] = Field(
         description="forward, backward, left, right, up, down, what the reference knows (such as inward, towards a "
         "lifted foot), or an angle: 0 deg is forward, 90 deg to the left."
     )
@@ -95,11 +98,8 @@ class Push(Disturbance):
 
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
         """Add the push to those on the same body."""
-        try:
+        with placed(f"{where}.body"):
             body = effects.robot.number("body", self.body)
-        except UnknownNameError as error:
-            problem = error.problems[0]
-            raise InputError(Problem("", 0, 0, f"{where}.body", problem.message, problem.hint)) from error
         moment = effects.moment(self.start, where)
         way = direction_of(self.direction, moment, f"{where}.direction")
         for i in robots:
