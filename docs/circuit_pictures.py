@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from circuitkit import compile_circuit, load_circuit, run
 from circuitkit.biped.gait.lipm import natural_frequency
+from circuitkit.biped.view import BipedView
 from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
-from circuitkit.simulation.disturbance import Trial
 from circuitkit.simulation.loop import run_loop
-from circuitkit.study import load_study
+from circuitkit.study import CaseBuilder, load_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -116,19 +116,21 @@ def binn_sagittal_pushed() -> Figure:
 
 def _pushed_forward(controller: str, circuit: str, force: str) -> tuple[Array, dict[str, Array], Array]:
     """Time [s], curves by name [mm] and pitch that the circuit adds [°], from 0.1 s before the push."""
-    push = {"pushes[0].direction": "forward", "pushes[0].duration": "0.2 s", "pushes[0].force": force}
+    push = {"push.direction": "forward", "push.duration": "0.2 s", "push.force": force}
     who = {"controller": controller, "circuit": circuit}
-    plan = load_study("sagittal").point({"gait": "gait_march", **push, **who}).plan()
-    recording = run_loop(plan.setup(controller, [Trial(0, plan.scenario.pushes)]))
-    step_s = recording.walk.gait.control_step
-    first = round(float(recording.fates.windows_s[0, 0]) / step_s) - 10
+    study = load_study("sagittal")
+    case = CaseBuilder(study).case({"reference": {"gait": "gait_march"}, **push, **who})
+    plan = case.plan()
+    recording = run_loop(plan.setup(plan.controller(controller), [case.spec(0)]))
+    view, step_s = BipedView(recording), recording.step_s
+    first = round(float(recording.effects.windows_s[0, 0]) / step_s) - 10
     rows = slice(first, first + 100)
-    com = recording.com_m[rows, 0, 0]
-    omega = natural_frequency(float(recording.com_m[first, 0, 2]))
+    com = view.com_m[rows, 0, 0]
+    omega = natural_frequency(float(view.com_m[first, 0, 2]))
     lines = {
         "ZMP by the force cells": recording.channel("zmp_x")[rows, 0] * MM,
-        "true centre of pressure": recording.centre_of_pressure_m[rows, 0, 0] * MM,
-        "capture point": (com + recording.com_velocity[rows, 0, 0] / omega) * MM,
+        "true centre of pressure": view.centre_of_pressure_m[rows, 0, 0] * MM,
+        "capture point": (com + view.com_velocity[rows, 0, 0] / omega) * MM,
     }
     pitch = recording.commands[rows, 0, 0] if recording.command_names else np.zeros(len(com))
     return (np.arange(len(com)) - 10) * step_s, lines, np.degrees(pitch)

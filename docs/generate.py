@@ -60,7 +60,7 @@ def write_push_pictures() -> None:
     from PIL import Image
 
     from circuitkit.simulation import compare
-    from circuitkit.simulation.video import FRAMES_PER_S, Reel
+    from circuitkit.simulation.film import FRAMES_PER_S, Reel
 
     with tempfile.TemporaryDirectory() as folder:
         results = compare("nao_push", ["open_loop", "circuit"], output=folder)

@@ -24,7 +24,7 @@ from circuitkit.draw.style import (
     new_figure,
     tidy,
 )
-from circuitkit.simulation.run import Result
+from circuitkit.simulation.result import Result
 from circuitkit.simulation.summary import PushSpan, RunSummary, summarise
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from circuitkit.cli.printing import note, print_json, print_table
 
 if TYPE_CHECKING:
     from circuitkit.base.units import Unit
-    from circuitkit.simulation.run import Result
+    from circuitkit.simulation.result import Result
 
 
 _CIRCUIT = "circuit"  # the controller that --set is for

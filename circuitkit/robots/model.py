@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError, listing, suggest
 from circuitkit.base.units import Unit, parse_quantity, parse_unit
-from circuitkit.circuit.expressions.dimensions import OpenDimension, check_dimension, dimension_of, named_symbol
+from circuitkit.circuit.expressions.dimensions import (
+    OpenDimension,
+    check_dimension,
+    dimension_of,
+    named_symbol,
+)
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
@@ -129,7 +134,7 @@ class RobotModel:
         names = self.names(kind)
         if name not in names:
             roles = [role for block in self.blocks.values() for role in getattr(block, "body_roles", {})]
-            raise UnknownNameError(kind, name, [*(roles if kind == "body" else ()), *names])
+            raise UnknownNameError(kind, name, dict.fromkeys([*(roles if kind == "body" else ()), *names]))
         return int(getattr(self.model, kind)(name).id)
 
     def matching(self, kind: str, pattern: str) -> list[int]:
@@ -167,7 +172,7 @@ def build_model(
     if robot.timestep is not None:
         mj.option.timestep = robot.timestep
     servos = _add_servos(mj, robot, problems)
-    prepared = {kind: block.prepare(mj, robot) for kind, block in robot.given_blocks.items()}
+    prepared = _prepared(mj, robot, problems)
     bound = _bind_channels(robot, sensors, problems)
     bound |= _bind_references(references, sensors)
     if problems:
@@ -191,6 +196,17 @@ def build_model(
     for change in changes:
         change(made)
     return made
+
+
+def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepared]:  # noqa: ANN401 - as above
+    """Let the blocks of plug-ins add their sensors."""
+    found = {}
+    for kind, block in robot.given_blocks.items():
+        try:
+            found[kind] = block.prepare(mj, robot)
+        except InputError as error:  # noqa: PERF203 - all that is wrong is said at once
+            problems += error.problems
+    return found
 
 
 def _read(robot: Robot) -> Any:  # noqa: ANN401 - MjSpec is not typed

@@ -14,14 +14,14 @@ from circuitkit.base.files import replacing
 from circuitkit.draw.style import GREY, INK, PAPER
 from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
 from circuitkit.simulation.progress import progress_bar
-from circuitkit.simulation.run import Result
+from circuitkit.simulation.result import Result
 from circuitkit.simulation.scene import CameraScene
 from circuitkit.simulation.summary import PushSpan, summarise
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
 
-    from circuitkit.simulation.run import Result
+    from circuitkit.simulation.result import Result
 
 FRAMES_PER_S = 25
 SCENE_HEIGHT = 440

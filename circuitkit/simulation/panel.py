@@ -14,7 +14,7 @@ from circuitkit.control import Array
 from circuitkit.draw.lit import LitNetwork
 from circuitkit.draw.style import CYCLE, GREY, INK, PAPER
 from circuitkit.simulation.plots import channels_of_interest, shown_unit, values_of
-from circuitkit.simulation.run import Result
+from circuitkit.simulation.result import Result
 from circuitkit.simulation.summary import RunSummary
 
 if TYPE_CHECKING:

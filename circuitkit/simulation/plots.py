@@ -24,7 +24,7 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.draw.traces import Activity, Line, Panel, Span, traces_figure
-from circuitkit.simulation.run import Result
+from circuitkit.simulation.result import Result
 from circuitkit.simulation.summary import RunSummary, summarise
 
 if TYPE_CHECKING:

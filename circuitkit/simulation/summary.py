@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from circuitkit.control import Array
 from circuitkit.simulation.disturbance import BodyForce
 from circuitkit.simulation.recording import Recording
-from circuitkit.simulation.run import Result
+from circuitkit.simulation.result import Result
 
 _BEFORE_PUSH_S, _AFTER_PUSH_S = 2.0, 4.0
 _AFTER_END_S = 0.15

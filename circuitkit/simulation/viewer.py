@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from circuitkit.base.errors import CircuitkitError
 
 if TYPE_CHECKING:
-    from circuitkit.simulation.run import Result
+    from circuitkit.simulation.result import Result
 
 _PICTURES_PER_S = 60.0
 _PAUSE_S = 1.0  # before it begins anew

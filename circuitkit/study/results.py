@@ -19,8 +19,8 @@ from circuitkit.study.spec import Cell, Label, Study
 if TYPE_CHECKING:
     import pyarrow
 
-    from circuitkit.study.jobs import Outcome
     from circuitkit.study.cases import Case
+    from circuitkit.study.jobs import Outcome
 
 Row = Mapping[str, Any]
 

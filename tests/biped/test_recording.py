@@ -9,22 +9,22 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from simulate.made_up import WEIGHT_N, recording
-from walking import a_push, fault, nao, plan_of
+from biped.made_up import WEIGHT_N, recording
+from walking import a_push, fault, nao_body, plan_of, view_of, walk_all
 
 from circuitkit.base.files import OutputError
 from circuitkit.base.units import parse_unit
-from circuitkit.robots import Plant, build_model, load_robot
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop
+from circuitkit.robots import build_model, load_robot
+from circuitkit.simulation import RunSpec
+from circuitkit.simulation.disturbances.slope import Slope
 
 
 @cache
 def walked():
     """Two robots under the circuit; the second is pushed, and a cell fails for a while."""
     broken = fault("RFsrRL", "missing", 1.5, 0.07)
-    plan = plan_of(duration=2.0, faults=(broken,))
-    return run_loop(plan.setup("circuit", [Trial(3, ()), Trial(4, (a_push(force=9.0),))]))
+    specs = [RunSpec(3, (broken,)), RunSpec(4, (broken, a_push(force=9.0)))]
+    return walk_all(plan_of(duration=2.0), "circuit", specs)
 
 
 # --- what follows from the readings -------------------------------------------------------------------------
@@ -43,9 +43,10 @@ def test_the_zmp_is_that_of_the_cells():
 def test_support_is_by_the_load():
     """More than 95 % on one foot is that foot alone: 0 left, 1 right, 2 both; in the air it is both."""
     found = recording(left_load={0: 0.5, 50: 0.949, 100: 0.951, 150: 0.049, 200: 0.051})
-    assert [int(found.support[t, 0]) for t in (0, 75, 125, 175, 225)] == [2, 2, 0, 1, 2]
-    np.testing.assert_allclose(found.loads_n[125, 0], [0.951 * WEIGHT_N, 0.049 * WEIGHT_N])
-    air = replace(found, readings=np.zeros_like(found.readings))
+    view = view_of(found)
+    assert [int(view.support[t, 0]) for t in (0, 75, 125, 175, 225)] == [2, 2, 0, 1, 2]
+    np.testing.assert_allclose(view.loads_n[125, 0], [0.951 * WEIGHT_N, 0.049 * WEIGHT_N])
+    air = view_of(replace(found, readings=np.zeros_like(found.readings)))
     assert (air.support == 2).all()
     assert np.isnan(air.centre_of_pressure_m).all()
 
@@ -53,14 +54,14 @@ def test_support_is_by_the_load():
 def test_the_centre_of_pressure_is_shared_by_load_and_counted_from_between_the_feet():
     """Loads under the ankles, 5 cm to either side: three quarters on the left are 2.5 cm to the left."""
     found = recording(left_load=0.75)
-    np.testing.assert_allclose(found.centre_of_pressure_m[:, 0], [[0.0, 0.025]] * 300, atol=1e-12)
+    np.testing.assert_allclose(view_of(found).centre_of_pressure_m[:, 0], [[0.0, 0.025]] * 300, atol=1e-12)
     moved = found.readings.copy()
-    layout = nao().layout
+    layout = nao_body().layout
     for place in (layout.foot(0), layout.foot(1), layout.com, layout.torso):
         moved[:, :, place] += [1.0, 2.0, 0.0]
     for side in (0, 1):
         moved[:, :, layout.wrench(side)] += [0, 0, 0, 0, 0, 0, 1.0, 2.0, 0]
-    moved = replace(found, readings=moved)
+    moved, found = view_of(replace(found, readings=moved)), view_of(found)
     np.testing.assert_allclose(moved.centre_of_pressure_m, found.centre_of_pressure_m, atol=1e-12)
     np.testing.assert_allclose(moved.com_m, found.com_m, atol=1e-12)
 
@@ -68,11 +69,11 @@ def test_the_centre_of_pressure_is_shared_by_load_and_counted_from_between_the_f
 def test_eq_2_on_a_falling_pendulum_gives_its_foot():
     """y = p + a cosh(omega t) over p = 3 cm, within the error of a central difference."""
     found = recording()
-    layout, omega, time = nao().layout, np.sqrt(9.81 / 0.27), found.time_s[:100]
+    layout, omega, time = nao_body().layout, np.sqrt(9.81 / 0.27), found.time_s[:100]
     readings = found.readings[:100].copy()
     readings[:, 0, layout.com.start + 1] = 0.03 + 0.001 * np.cosh(omega * time)
     readings[:, 0, layout.com_velocity.start + 1] = 0.001 * omega * np.sinh(omega * time)
-    zmp = replace(found, readings=readings).zmp_by_com_m[1:-1, 0]
+    zmp = view_of(replace(found, readings=readings)).zmp_by_com_m[1:-1, 0]
     np.testing.assert_allclose(zmp[:, 0], 0.0, atol=1e-12)
     sway = readings[1:-1, 0, layout.com.start + 1] - 0.03
     np.testing.assert_allclose(zmp[:, 1], 0.03, atol=1e-3 * sway.max())
@@ -80,8 +81,8 @@ def test_eq_2_on_a_falling_pendulum_gives_its_foot():
 
 def test_eq_2_on_a_slope_is_plumb_below_a_centre_of_mass_at_rest():
     """The floor rises to the left, so that is to the right: by z tan(slope)."""
-    model = build_model(load_robot("nao"), Plant.model_validate({"slope": {"left": "3 deg"}}))
-    zmp = replace(recording(), robot=model).zmp_by_com_m[5, 0]
+    model = build_model(load_robot("nao"), [Slope(left=np.radians(3)).change])
+    zmp = view_of(replace(recording(), robot=model)).zmp_by_com_m[5, 0]
     np.testing.assert_allclose(zmp, [0.0, -0.27 * np.tan(np.radians(3))], atol=1e-12)
 
 
@@ -152,10 +153,10 @@ def test_a_missing_reading_is_marked(saved):
 
 def test_columns_hold_what_was_recorded():
     found, columns = walked(), walked().columns(1)
-    layout = nao().layout
-    np.testing.assert_array_equal(columns["LFsrRR_n"], found.readings[:, 1, 3])
+    layout = nao_body().layout
+    np.testing.assert_array_equal(columns["LFsrRR_n"], found.readings[:, 1, layout.forces][:, 3])
     np.testing.assert_array_equal(columns["torso_x_m"], found.readings[:, 1, layout.torso.start])
-    knee = nao().qpos_index[list(nao().actuated).index("RKneePitch")]
+    knee = found.robot.model.joint("RKneePitch").qposadr[0]
     np.testing.assert_array_equal(columns["RKneePitch_rad"], found.qpos[:, 1, knee])
     neuron = list(found.trace_names).index("q4")
     np.testing.assert_array_equal(columns["neuron_q4"], found.trace[:, 1, neuron])
@@ -179,7 +180,7 @@ def test_a_single_tick_can_be_saved(tmp_path):
 
 def test_any_seed_can_be_saved(tmp_path):
     seed = 2**63 + 5
-    replace(recording(ticks=5), trials=(Trial(seed, ()),)).save(tmp_path)
+    replace(recording(ticks=5), specs=(RunSpec(seed),)).save(tmp_path)
     with xr.open_dataset(tmp_path / "recording.nc") as data:
         assert int(data.attrs["seed"]) == seed
 

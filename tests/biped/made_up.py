@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from walking import nao
+from walking import a_push, nao, nao_body, scenario
 
 from circuitkit import parse_circuit
 from circuitkit.biped.gait import Walk, load_gait, plan_walk
-from circuitkit.simulation.disturbance import Fates, Trial
-from circuitkit.simulation.recording import Recording
+from circuitkit.biped.thresholds import ThresholdMeasure, Thresholds, threshold_lines
+from circuitkit.control import Array
+from circuitkit.simulation import Motion, Recording, Reference, RunSpec
+from circuitkit.simulation.disturbance import draw_effects
+from circuitkit.simulation.disturbances.push import Push
+from circuitkit.simulation.measures import Judge, parse_measure
+from circuitkit.simulation.tracking import Tracker
 
 WEIGHT_N = 50.0
 _OUTERMOST_M = 0.0799  # LFsrFL from the middle between the feet, and RFsrFR on the other side
@@ -50,7 +56,19 @@ def edges():
 @cache
 def march() -> Walk:
     """Six seconds of marching."""
-    return plan_walk(load_gait("gait_march"), nao().spec.legs.geometry(), 600)[0]
+    return plan_walk(load_gait("gait_march"), nao_body().block.legs.geometry(), 600)[0]
+
+
+@cache
+def standing() -> Motion:
+    """What the posture of the robot file wants of the servos; its moments are plain times."""
+    return replace(Reference().motion(nao(), 1, 0.01), pace_s=0.55)
+
+
+def thresholds() -> Thresholds:
+    """Those of the shipped walk."""
+    (found,) = scenario().measure_kinds
+    return found
 
 
 def recording(
@@ -69,9 +87,8 @@ def recording(
         push_s: When the push begins and ends.
         ticks: How long.
     """
-    robot, walk = nao(), march()
-    layout = robot.layout
-    readings = np.zeros((ticks, 1, layout.width))
+    readings = np.zeros((ticks, 1, nao().model.nsensordata))
+    layout = nao_body().layout
     zmp, left, lean = (_rows(v, start, ticks) for v, start in ((zmp_mm, 0), (left_load, 0.5), (lean_deg, 0)))
     lean = np.radians(lean)
     share = (1 + zmp * 1e-3 / _OUTERMOST_M) / 2
@@ -84,14 +101,38 @@ def recording(
         readings[:, 0, layout.foot(side)] = [0, 0.05 - 0.1 * side, 0.045]
     readings[:, 0, layout.torso_up] = np.stack([np.sin(lean), 0 * lean, np.cos(lean)], axis=1)
     readings[:, 0, layout.com] = [0, 0, 0.27]
-    window = (np.nan, np.nan) if push_s is None else push_s
-    fates = Fates((), np.array([window]), np.zeros((1, 2)), None)
-    nothing = np.zeros((ticks, 1, 0))
-    qpos = np.zeros((ticks, 1, robot.model.nq))
+    spec = RunSpec(0, () if push_s is None else (_push(push_s),))
+    return judged(readings, (spec,))
+
+
+def judged(readings: Array, specs: tuple[RunSpec, ...]) -> Recording:
+    """A recording of these readings, judged as a walk with the edges above is."""
+    ticks, batch, _ = readings.shape
+    effects = draw_effects(specs, nao(), Reference(), ticks, 0.01)
+    judge = judge_of_edges()
+    tracker = Tracker(nao(), standing(), effects, judge, (), step_s=0.01, ticks=ticks)
+    nothing = np.zeros((ticks, batch, 0))
+    tracker.look(readings, nothing)
     return Recording(
-        walk, robot, (Trial(0, ()),), fates, "open_loop", edges(),
-        readings, qpos, nothing, nothing, nothing, (), (), (),
+        robot=nao(), motion=standing(), specs=specs, effects=effects, controller="open_loop", circuit=edges(),
+        step_s=0.01, judge=judge, readings=readings, qpos=np.zeros((ticks, batch, nao().model.nq)),
+        observations=nothing, commands=nothing, trace=nothing, observation_names=(), command_names=(),
+        trace_names=(), measures=tracker.measures(), end_tick=tracker.end_tick,
     )  # fmt: skip
+
+
+@cache
+def judge_of_edges() -> Judge:
+    """The measures of the shipped walk, with the edges above."""
+    shipped = scenario()
+    units = nao().channel_units
+    formulas = {name: parse_measure(text, units) for name, text in shipped.formulas.items()}
+    lines = ThresholdMeasure("zmp_y", threshold_lines(edges(), thresholds()))
+    return Judge(formulas, (lines,), parse_measure(shipped.until, units))
+
+
+def _push(span_s: tuple[float, float]) -> Push:
+    return a_push(start=span_s[0], duration=span_s[1] - span_s[0], direction="left")
 
 
 def _rows(values: Mapping[int, float] | float, start: float, ticks: int) -> np.ndarray:

@@ -1,26 +1,31 @@
-"""Verdicts on recordings made up by hand, and the lines at which a circuit's neurons stand."""
+"""The measure `thresholds`: lines at which a circuit's neurons stand, and walks made up by hand against them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from simulate.made_up import EDGES, edges, recording
-from walking import a_push, plan_of, scenario
+from biped.made_up import EDGES, edges, judged, recording, thresholds
+from walking import a_push, plan_of, walk_all
 
 from circuitkit import load_circuit, parse_circuit
 from circuitkit.base.errors import InputError
-from circuitkit.simulation import judge, threshold_lines
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop
-from circuitkit.simulation.scenario import Jitter
-from circuitkit.biped.thresholds import run_and_judge
+from circuitkit.biped.thresholds import threshold_lines
+from circuitkit.simulation import RunSpec
+from circuitkit.simulation.disturbances.jitter import Jitter
+from circuitkit.simulation.loop import run_and_watch
 
-THRESHOLDS = scenario().thresholds
 ON_LEFT, ON_RIGHT, ON_BOTH = 0.97, 0.03, 0.5
 
 
+class Verdict:
+    """The measures of one robot, as attributes."""
+
+    def __init__(self, measures):
+        self.__dict__.update(measures)
+
+
 def verdict(**what):
-    return judge(recording(**what), THRESHOLDS)
+    return Verdict(recording(**what).measures[0])
 
 
 # --- lines --------------------------------------------------------------------------------------------------
@@ -29,13 +34,13 @@ def verdict(**what):
 def test_lines_are_where_neurons_are_half_active():
     """Shift over weight: 160 mm with a weight of 2 is 80 mm, 80 mm with a weight of -1 is -80 mm."""
     np.testing.assert_allclose(
-        threshold_lines(edges(), THRESHOLDS), [[0.02, 0.08], [-0.08, -0.02], [-0.08, 0.08]]
+        threshold_lines(edges(), thresholds()), [[0.02, 0.08], [-0.08, -0.02], [-0.08, 0.08]]
     )
 
 
 def test_lines_of_the_papers_network_are_the_edges_of_the_feet():
     """As section 4.2 has it; by force cells these are the outermost and innermost cells."""
-    lines = threshold_lines(load_circuit("binn_lateral"), THRESHOLDS)
+    lines = threshold_lines(load_circuit("binn_lateral"), thresholds())
     np.testing.assert_allclose(lines, [[0.0269, 0.0799], [-0.0799, -0.0269], [-0.0799, 0.0799]])
 
 
@@ -44,25 +49,25 @@ def test_lines_of_the_papers_network_are_the_edges_of_the_feet():
     [
         (
             {"left_foot": {"right": "q33", "left": "q4"}},
-            "thresholds.left_foot: found 'q33': no neuron of 'edges' with a shift that reads 'zmp_y'; "
+            "measures.thresholds.left_foot: found 'q33': no neuron of 'edges' with a shift that reads 'zmp_y'; "
             "allowed: q1, q3, q2, q4; did you mean 'q3'?",
         ),
         (
             {"both_feet": {"right": "q1", "left": "out"}},
-            "thresholds.both_feet: found 'out': no neuron of 'edges' with a shift that reads 'zmp_y'; "
+            "measures.thresholds.both_feet: found 'out': no neuron of 'edges' with a shift that reads 'zmp_y'; "
             "allowed: q1, q3, q2, q4",
         ),
         (
             {"channel": "zmp_x"},
-            "thresholds.left_foot: found 'q3': no neuron of 'edges' with a shift that reads 'zmp_x'; "
+            "measures.thresholds.left_foot: found 'q3': no neuron of 'edges' with a shift that reads 'zmp_x'; "
             "allowed: nothing",
         ),
     ],
 )
 def test_a_neuron_that_is_no_edge(changes, said):
-    data = THRESHOLDS.model_dump() | changes
+    data = thresholds().model_dump() | changes
     with pytest.raises(InputError) as caught:
-        threshold_lines(edges(), type(THRESHOLDS).model_validate(data))
+        threshold_lines(edges(), type(thresholds()).model_validate(data))
     assert str(caught.value) == said
 
 
@@ -147,17 +152,9 @@ def test_a_fall_before_the_push_leaves_nothing_to_count():
 
 
 def test_each_robot_of_a_batch_is_judged_by_itself():
-    from dataclasses import replace
-
     one, two = recording(zmp_mm=90.0), recording(lean_deg={200: 80.0})
-    both = replace(
-        one,
-        readings=np.concatenate([one.readings, two.readings], axis=1),
-        trials=one.trials * 2,
-        fates=replace(one.fates, windows_s=np.full((2, 2), np.nan)),
-    )
-    assert judge(both, THRESHOLDS, 0) == judge(one, THRESHOLDS)
-    assert judge(both, THRESHOLDS, 1) == judge(two, THRESHOLDS)
+    both = judged(np.concatenate([one.readings, two.readings], axis=1), one.specs * 2)
+    assert both.measures == (*one.measures, *two.measures)
 
 
 def test_weights_that_turn_an_edge_over_keep_it_where_it_is():
@@ -167,40 +164,46 @@ def test_weights_that_turn_an_edge_over_keep_it_where_it_is():
         "q2: {model: sigmoid, role: excitatory, slope: -100 /m, shift: 20 mm}",
     )
     text = text.replace("{from: zmp_y, to: q2, weight: 1}", "{from: zmp_y, to: q2, weight: -1}")
-    lines = threshold_lines(parse_circuit(text), THRESHOLDS)
+    lines = threshold_lines(parse_circuit(text), thresholds())
     assert lines[1, 1] == pytest.approx(-0.02)
 
 
-# --- verdicts without a recording ---------------------------------------------------------------------------
+# --- measures without a recording ---------------------------------------------------------------------------
 
 
-def test_running_for_the_verdict_alone_gives_that_of_the_recording():
+def test_running_for_the_measures_alone_gives_those_of_the_recording():
     """A robot left alone, one that is pushed hard, one that falls, one whose push never comes."""
-    jitter = Jitter.model_validate({"push_start": "20 ms", "base_velocity": "1 cm/s"})
-    plan = plan_of("binn_lateral_tuned", duration=3.4, jitter=jitter)
+    jitter = Jitter(start=0.02, velocity=0.01)
+    plan = plan_of("binn_lateral_tuned", duration=3.4)
     forces = (14.0, 60.0)
-    trials = [Trial(3, ()), *(Trial(4 + i, (a_push(force=force),)) for i, force in enumerate(forces))]
-    setup = plan.setup("circuit", trials)
-    recording = run_loop(setup)
-    judged = run_and_judge(setup, THRESHOLDS)
-    assert [each.verdict for each in judged] == [judge(recording, THRESHOLDS, robot) for robot in range(3)]
-    assert [each.verdict.survived for each in judged] == [True, True, False]
-    assert judged[1].verdict.max_zmp_excursion_m > 0
-    for robot, each in enumerate(judged):
-        fall = each.verdict.time_of_fall_s
-        commands = recording.commands[: None if fall is None else round(fall / 0.01) - 1, robot, 0]
-        assert each.rms == {"ankle_roll": pytest.approx(np.sqrt(np.mean(commands**2)), rel=1e-12)}
+    specs = [
+        RunSpec(3, (jitter,)),
+        *(RunSpec(4 + i, (jitter, a_push(force=force))) for i, force in enumerate(forces)),
+    ]
+    setup = plan.setup(plan.controller("circuit"), specs)
+    recorded = walk_all(plan, "circuit", specs)
+    watched = run_and_watch(setup)
+    assert watched.measures() == recorded.measures
+    assert [each["survived"] for each in recorded.measures] == [True, True, False]
+    assert recorded.measures[1]["max_zmp_excursion_m"] > 0
+    for robot, effort in enumerate(watched.effort()):
+        fall = recorded.measures[robot]["time_of_fall_s"]
+        commands = recorded.commands[: None if fall is None else round(fall / 0.01) - 1, robot, 0]
+        assert effort == {"ankle_roll": pytest.approx(np.sqrt(np.mean(commands**2)), rel=1e-12)}
 
 
-def test_a_verdict_is_the_same_to_the_bit_for_any_batch():
+def test_measures_are_the_same_to_the_bit_for_any_batch():
     plan = plan_of("binn_lateral_tuned", duration=2.4)
-    trials = [Trial(seed, (a_push(force=force),)) for seed, force in enumerate((10.0, 50.0, 25.0))]
-    together = run_and_judge(plan.setup("circuit", trials), THRESHOLDS, threads=2)
-    alone = [run_and_judge(plan.setup("circuit", [trial]), THRESHOLDS)[0] for trial in trials]
-    assert list(together) == alone
+    controller = plan.controller("circuit")
+    specs = [RunSpec(seed, (a_push(force=force),)) for seed, force in enumerate((10.0, 50.0, 25.0))]
+    together = run_and_watch(plan.setup(controller, specs), threads=2)
+    alone = [run_and_watch(plan.setup(controller, [spec])) for spec in specs]
+    assert together.measures() == tuple(each.measures()[0] for each in alone)
+    assert together.effort() == tuple(each.effort()[0] for each in alone)
 
 
 def test_an_open_loop_spends_nothing():
-    (judged,) = run_and_judge(plan_of(duration=0.5).setup("open_loop", [Trial(0, ())]), THRESHOLDS)
-    assert judged.rms == {}
-    assert judged.verdict.survived
+    plan = plan_of(duration=0.5)
+    watched = run_and_watch(plan.setup(plan.controller("open_loop"), [RunSpec(0)]))
+    assert watched.effort() == ({},)
+    assert watched.measures()[0]["survived"]

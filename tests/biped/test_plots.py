@@ -1,4 +1,4 @@
-"""Pictures of runs, checked against the outline of the sole, the circuit file and the times of the push."""
+"""Plots of walks, checked against the outline of the sole, the circuit file and the times of the push."""
 
 from __future__ import annotations
 
@@ -8,49 +8,44 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
+from walking import a_push, fault, scenario, view_of, walk_alone
 
-from circuitkit.robots import load_robot
-from circuitkit.simulation.disturbance import BodyPush, Trial
-from circuitkit.simulation.loop import run_loop
-from circuitkit.simulation.pictures import (
+from circuitkit.biped.plots import (
     BAND,
     PUSHED,
+    _arrows,
     comparison_figure,
-    draw_comparison,
-    draw_result,
-    neuron_figure,
     phase_figure,
+    summarise_biped,
     zmp_figure,
 )
-from circuitkit.simulation.run import Result, make_plan
-from circuitkit.simulation.scenario import Fault, Push, Start, load_scenario
-from circuitkit.simulation.story import find_pushes, support_edges_m, tell
-from circuitkit.biped.thresholds import judge
+from circuitkit.biped.view import support_edges_m
+from circuitkit.robots import load_robot
+from circuitkit.simulation import make_plan
+from circuitkit.simulation.disturbances.jitter import Jitter
+from circuitkit.simulation.disturbances.noise import Noise
+from circuitkit.simulation.plots import draw_comparison, draw_result
+from circuitkit.simulation.run import Result
+from circuitkit.simulation.summary import summarise
 
 TICK_S = 0.01
 # The sole reaches 50.0 mm outwards and 38.8 mm inwards of the ankle (B-Human); ankles are at 50 and -50 mm.
 LEFT_FOOT, RIGHT_FOOT, BOTH_FEET = (11.2, 100.0), (-100.0, -11.2), (-100.0, 100.0)
+CHANCE = (Jitter(start=0.02, velocity=0.01), Noise(channel="*Fsr*", std="0.2 N"))
 
 
-def run(controller, force="20 N", **changes):
+def run(controller, force=20.0, disturbances=None):
     """A short walk with a push to the right in its third step."""
-    push = Push(
-        body="torso",
-        force=force,
-        direction="right",
-        duration="200 ms",
-        start=Start(step=2, phase="lift", at="40 %"),
-    )
-    scenario = load_scenario("nao_push").model_copy(update={"duration": 3.2, "pushes": (push,), **changes})
-    plan = make_plan(scenario)
-    recording = run_loop(plan.setup(controller, [Trial(0, scenario.pushes)]))
-    return Result(
-        scenario,
-        scenario.pushes[0] if scenario.pushes else None,
-        recording,
-        judge(recording, scenario.thresholds),
-        None,
-    )
+    if disturbances is None:
+        disturbances = (a_push(force=force, direction="right", step=2),)
+    plan = make_plan(scenario("gait_walk_2cm", (*CHANCE, *disturbances), duration=3.2))
+    recording = walk_alone(plan, controller)
+    return Result(plan.scenario, recording, recording.measures[0])
+
+
+def told(result):
+    """What the plots of a biped show."""
+    return summarise_biped(result, summarise(result))
 
 
 def stopped_after(result, ticks):
@@ -58,9 +53,7 @@ def stopped_after(result, ticks):
     fields = ("readings", "qpos", "observations", "commands", "trace")
     shorter = {name: getattr(result.recording, name)[:ticks] for name in fields}
     recording = dataclasses.replace(result.recording, interrupted=True, **shorter)
-    return dataclasses.replace(
-        result, recording=recording, verdict=judge(recording, result.scenario.thresholds)
-    )
+    return dataclasses.replace(result, recording=recording)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +63,7 @@ def pushed():
 
 @pytest.fixture(scope="module")
 def fallen():
-    return run("open_loop", force="60 N")
+    return run("open_loop", force=60.0)
 
 
 def artist(figure, gid, axes=-1):
@@ -87,25 +80,25 @@ def finite(line):
 
 
 def test_the_support_polygon_is_the_published_outline_of_the_sole():
-    edges = support_edges_m(load_robot("nao")) * 1e3
+    edges = support_edges_m(load_robot("nao").biped) * 1e3
     np.testing.assert_allclose(edges, [LEFT_FOOT, RIGHT_FOOT, BOTH_FEET], atol=1e-9)
 
 
 def test_the_grey_band_follows_the_measured_load(pushed):
-    story = tell(pushed)
-    loads = pushed.recording.loads_n[:, 0]
+    story = told(pushed)
+    loads = view_of(pushed.recording).loads_n[:, 0]
     share = loads[:, 0] / loads.sum(axis=1)
     clear = [(share > 0.96, LEFT_FOOT), (share < 0.04, RIGHT_FOOT), (abs(share - 0.5) < 0.4, BOTH_FEET)]
     for rows, edges in clear:
         assert rows.any()
         np.testing.assert_allclose(story.band_mm[rows], np.broadcast_to(edges, (rows.sum(), 2)), atol=1e-9)
-    band = artist(zmp_figure(pushed, story), "support")
+    band = artist(zmp_figure(story), "support")
     heights = np.unique(np.round(band.get_paths()[0].vertices[:, 1], 6))
     assert set(heights) == {*LEFT_FOOT, *RIGHT_FOOT, *BOTH_FEET}
 
 
 def test_the_dashed_lines_are_the_edges_of_the_circuit_file(pushed):
-    figure = zmp_figure(pushed, tell(pushed))
+    figure = zmp_figure(told(pushed))
     parameters = {name: value.value_si * 1e3 for name, value in pushed.recording.circuit.parameters.items()}
     outer, inner = parameters["left_edge_left_foot"], parameters["right_edge_left_foot"]
     margin = parameters["margin"]
@@ -115,9 +108,9 @@ def test_the_dashed_lines_are_the_edges_of_the_circuit_file(pushed):
 
 
 def test_a_push_has_its_exact_times_although_it_is_applied_in_ticks(pushed):
-    story = tell(pushed)
+    story = told(pushed).run
     assert len(story.pushes) == 1
-    start, end = pushed.recording.fates.windows_s[0]
+    start, end = pushed.recording.effects.windows_s[0]
     assert (story.pushes[0].start_s, story.pushes[0].end_s) == pytest.approx((start, end), abs=1e-12)
     assert end - start == pytest.approx(0.2)
     assert start % TICK_S > 1e-6  # jittered: it begins within a tick
@@ -125,32 +118,9 @@ def test_a_push_has_its_exact_times_although_it_is_applied_in_ticks(pushed):
     assert story.pushes[0].text == "20 N to the right"
 
 
-@pytest.mark.parametrize(
-    ("force", "text"),
-    [
-        ((0.0, 12.5, 0.0), "12.5 N to the left"),
-        ((7.0, 0.0, 0.0), "7 N forward"),
-        ((-30.0, 0.0, 0.0), "30 N backward"),
-    ],
-)
-def test_pushes_in_words(force, text):
-    push = BodyPush(body=1, first_tick=4, forces=np.array([[force], [force], [[0.0, 0.0, 0.0]]]))
-    (span,) = find_pushes((push,), 0, 100, TICK_S)
-    assert span.text == text
-    assert (span.start_s, span.end_s) == pytest.approx((0.04, 0.06))
-
-
-def test_pushes_on_several_bodies_come_in_their_order_and_only_if_they_were_reached():
-    def push(body, tick):
-        return BodyPush(body, tick, np.array([[[0.0, 5.0, 0.0]], [[0.0, 0.0, 0.0]]]))
-
-    pushes = (push(3, 50), push(1, 20), push(2, 200))
-    assert [span.body for span in find_pushes(pushes, 0, 100, TICK_S)] == [1, 3]
-
-
 def test_the_red_part_begins_at_the_push_and_together_they_are_the_zmp(pushed):
-    figure = zmp_figure(pushed, tell(pushed))
-    start = pushed.recording.fates.windows_s[0, 0]
+    figure = zmp_figure(told(pushed))
+    start = pushed.recording.effects.windows_s[0, 0]
     before, after = artist(figure, "zmp_before"), artist(figure, "zmp_after")
     assert after.get_color() == PUSHED
     assert before.get_color() != PUSHED
@@ -164,16 +134,16 @@ def test_the_red_part_begins_at_the_push_and_together_they_are_the_zmp(pushed):
 
 
 def test_the_view_is_two_seconds_before_and_four_after_the_push_or_until_the_fall(pushed, fallen):
-    start = pushed.recording.fates.windows_s[0, 0]
-    assert tell(pushed).window_s == pytest.approx((max(start - 2.0, 0.0), 3.2))
-    low, high = tell(fallen).window_s
+    start = pushed.recording.effects.windows_s[0, 0]
+    assert told(pushed).run.window_s == pytest.approx((max(start - 2.0, 0.0), 3.2))
+    low, high = told(fallen).run.window_s
     assert low == pytest.approx(max(start - 2.0, 0.0))
-    assert 0.0 < high - fallen.verdict.time_of_fall_s < 0.2
+    assert 0.0 < high - fallen.measures["time_of_fall_s"] < 0.2
 
 
 def test_a_fall_is_marked_and_ends_the_curves(fallen):
-    figure = zmp_figure(fallen, tell(fallen))
-    fall = fallen.verdict.time_of_fall_s
+    figure = zmp_figure(told(fallen))
+    fall = fallen.measures["time_of_fall_s"]
     assert np.unique(artist(figure, "fall").get_xdata()) == pytest.approx(fall)
     for name in ("zmp_after", "pressure", "threshold_0"):
         assert finite(artist(figure, name))[0].max() <= fall + 1e-9
@@ -181,60 +151,37 @@ def test_a_fall_is_marked_and_ends_the_curves(fallen):
 
 
 def test_missing_readings_are_marked_where_the_cell_failed():
-    faults = (Fault(cell="LFsrFL", reading="missing", start="1 s", duration="300 ms"),)
-    result = run("circuit", faults=faults)
-    missing = artist(zmp_figure(result, tell(result)), "missing").get_xdata()
+    result = run("circuit", disturbances=[fault("LFsrFL", "missing", 1.0, 0.3)])
+    missing = artist(zmp_figure(told(result)), "missing").get_xdata()
     np.testing.assert_allclose(
         missing, np.arange(101, 131) * TICK_S
     )  # the ends of the ticks from 1.0 to 1.3 s
 
 
 def test_the_phase_portrait_shows_the_centre_of_mass_and_its_velocity(pushed):
-    figure = phase_figure(pushed, tell(pushed))
+    figure = phase_figure(told(pushed))
     y, v = finite(artist(figure, "com_after"))
-    recording = pushed.recording
+    recording, view = pushed.recording, view_of(pushed.recording)
     rows = slice(recording.ticks - len(y), None)
-    np.testing.assert_allclose(y, recording.com_m[rows, 0, 1] * 1e3)
-    np.testing.assert_allclose(v, recording.com_velocity[rows, 0, 1] * 1e3)
-    start, end = recording.fates.windows_s[0]
+    np.testing.assert_allclose(y, view.com_m[rows, 0, 1] * 1e3)
+    np.testing.assert_allclose(v, view.com_velocity[rows, 0, 1] * 1e3)
+    start, end = recording.effects.windows_s[0]
     for name, moment in (("push_begins", start), ("push_ends", end)):
-        at = np.interp(moment, recording.time_s, recording.com_m[:, 0, 1] * 1e3)
+        at = np.interp(moment, recording.time_s, view.com_m[:, 0, 1] * 1e3)
         assert artist(figure, name).get_xdata()[0] == pytest.approx(at)
 
 
 def test_the_dotted_lines_are_where_the_capture_point_is_at_the_outer_edges(fallen):
-    story = tell(fallen)
-    y, v = finite(artist(phase_figure(fallen, story), "capture_right"))
+    story = told(fallen)
+    y, v = finite(artist(phase_figure(story), "capture_right"))
     omega = np.sqrt(9.81 / story.com_height_m)
     np.testing.assert_allclose(y + v / omega, -100.0)
 
 
-def test_every_neuron_has_its_row_filled_up_to_its_output(pushed):
-    figure = neuron_figure(pushed, tell(pushed))
-    names = [neuron.name for neuron in pushed.recording.circuit.neurons]
-    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == names
-    for row, name in enumerate(names):
-        vertices = artist(figure, f"neuron_{name}", axes=0).get_paths()[0].vertices
-        highest = (row + 0.4 - vertices[:, 1].min()) / 0.8
-        assert highest == pytest.approx(pushed.recording.trace[:, 0, row].max(), abs=1e-9)
-
-
-def test_the_command_is_shown_in_degrees(pushed):
-    line = artist(neuron_figure(pushed, tell(pushed)), "command_ankle_roll")
-    np.testing.assert_allclose(line.get_ydata(), np.degrees(pushed.recording.commands[:, 0, 0]))
-    assert line.axes.get_ylabel() == "ankle_roll\n[deg]"
-
-
-def test_inhibitory_and_excitatory_neurons_differ_in_more_than_colour(pushed):
-    figure = neuron_figure(pushed, tell(pushed))
-    assert artist(figure, "neuron_lf", axes=0).get_hatch()
-    assert not artist(figure, "neuron_q1", axes=0).get_hatch()
-
-
 def test_the_comparison_titles_each_column_with_its_verdict(pushed, fallen):
     figure = comparison_figure([fallen, pushed])
-    fall = fallen.verdict.time_of_fall_s
-    end = "stood" if pushed.verdict.survived else f"fell at {pushed.verdict.time_of_fall_s:.2f} s"
+    fall = fallen.measures["time_of_fall_s"]
+    end = pushed.outcome
     assert [axes.get_title() for axes in figure.axes[:2]] == [
         f"open_loop: fell at {fall:.2f} s",
         f"circuit: {end}",
@@ -247,10 +194,15 @@ def test_the_comparison_titles_each_column_with_its_verdict(pushed, fallen):
 
 
 @pytest.mark.parametrize(
-    "draw", [zmp_figure, phase_figure, neuron_figure, lambda r, _: comparison_figure([r, r])]
+    "draw",
+    [
+        lambda result: zmp_figure(told(result)),
+        lambda result: phase_figure(told(result)),
+        lambda result: comparison_figure([result, result]),
+    ],
 )
 def test_nothing_is_cut_off_and_axes_have_units(pushed, draw):
-    figure = draw(pushed, tell(pushed))
+    figure = draw(pushed)
     figure.draw_without_rendering()
     box, page = figure.get_tightbbox(), figure.get_size_inches()
     assert min(box.x0, box.y0) >= -0.01
@@ -274,12 +226,17 @@ def test_the_files_that_each_controller_leaves(tmp_path, pushed, fallen):
     draw_comparison([fallen, pushed], tmp_path)
     written = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*"))
     assert written == [
+        "circuit/channels.png",
         "circuit/com_phase.png",
         "circuit/neurons.png",
+        "circuit/path.png",
         "circuit/zmp.png",
         "compare.png",
+        "open_loop/channels.png",
         "open_loop/com_phase.png",
+        "open_loop/path.png",
         "open_loop/zmp.png",
+        "path.png",
     ]
     for name in written:
         with Image.open(tmp_path / name) as picture:
@@ -293,31 +250,20 @@ def test_a_run_that_was_stopped_early_is_drawn_as_far_as_it_got(tmp_path, pushed
     draw_result(result, tmp_path)
     draw_comparison([result], tmp_path)
     assert (tmp_path / "zmp.png").exists() == (ticks > 1)
-    assert tell(result).verdict == "stood until interrupted"
-    assert tell(result).pushes == ()
+    assert result.outcome == "stood until interrupted"
+    assert summarise(result).pushes == ()
 
 
 def test_without_a_push_there_is_one_view_of_everything():
-    result = run("circuit", pushes=())
-    story = tell(result)
-    figure = zmp_figure(result, story)
+    result = run("circuit", disturbances=())
+    story = told(result)
+    figure = zmp_figure(story)
     assert len(figure.axes) == 1
     assert figure.axes[0].get_xlim() == pytest.approx((0.0, 3.2))
     assert not [each for each in figure.axes[0].get_children() if each.get_gid() in {"push_0", "zmp_after"}]
 
 
-def test_what_a_controller_without_neurons_records_is_drawn_too(pushed):
-    recording = dataclasses.replace(
-        pushed.recording, trace_names=("cost",), trace=pushed.recording.trace[:, :, :1], controller="other"
-    )
-    other = dataclasses.replace(pushed, recording=recording)
-    figure = neuron_figure(other, tell(other))
-    assert artist(figure, "neuron_cost", axes=0).get_facecolor().shape == (1, 4)
-
-
 def test_a_curve_of_one_point_gets_no_arrows():
-    from circuitkit.simulation.pictures import _arrows
-
     drawn = []
     axes = SimpleNamespace(annotate=lambda *_args, **_options: drawn.append(1))
     _arrows(axes, np.array([np.nan, 1.0]), np.array([0.0, 1.0]), "#000000")

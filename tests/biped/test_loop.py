@@ -1,47 +1,50 @@
-"""The closed loop: the same to the bit for any batch, threads and names; faults, falls and Ctrl-C."""
+"""The closed loop of a walk: the same to the bit for any batch, threads and names; faults, falls and Ctrl-C."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from robots.nao_files import renamed_robot
-from simulate.made_up import EDGES
-from simulate.test_scenario import TEXT
-from walking import a_push, assert_same_bits, fault, nao, plan_of, walk_alone
+from biped.made_up import EDGES, judged
+from biped.made_up import recording as made_up
+from biped.nao_files import renamed_robot
+from walking import a_push, assert_same_bits, fault, known_of, nao, nao_body, plan_of, view_of, walk_all, walk_alone
 
 from circuitkit import parse_circuit
-from circuitkit.base.errors import InputError
-from circuitkit.base.units import parse_quantity
-from circuitkit.robots import Plant, load_robot
-from circuitkit.simulation import load_scenario, make_plan
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import has_fallen, run_and_watch, run_loop, run_to_see_who_stands
-from circuitkit.simulation.scenario import Jitter, SensorNoise
+from circuitkit.biped.robot import ForceCells
+from circuitkit.robots import load_robot
+from circuitkit.simulation import RunSpec
+from circuitkit.simulation.disturbance import Hook
+from circuitkit.simulation.disturbances.body import Body
+from circuitkit.simulation.disturbances.delay import Delay
+from circuitkit.simulation.disturbances.jitter import Jitter
+from circuitkit.simulation.disturbances.noise import Noise
+from circuitkit.simulation.disturbances.slope import Slope
+from circuitkit.simulation.loop import run_and_watch, run_loop
 
-CHANCE = {
-    "jitter": Jitter.model_validate({"push_start": "20 ms", "base_velocity": "1 cm/s"}),
-    "sensor_noise": SensorNoise.model_validate({"force_cells": "0.2 N"}),
-}
-TRIALS = (
-    Trial(4, (a_push(force=12.0),)),
-    Trial(5, (a_push(force=9.0, direction="outward"), a_push(body="Head", force=2.0, step=1))),
-    Trial(6, ()),
+JITTER, NOISE = Jitter(start=0.02, velocity=0.01), Noise(channel="*Fsr*", std="0.2 N")
+SPECS = (
+    RunSpec(4, (JITTER, NOISE, a_push(force=12.0))),
+    RunSpec(5, (JITTER, NOISE, a_push(force=9.0, direction="outward"), a_push(body="Head", force=2.0, step=1))),
+    RunSpec(6, (JITTER, NOISE)),
 )
 
 
 @cache
 def plan():
-    """A march of 2.6 s with noise, under the circuit."""
-    return plan_of(duration=2.6, **CHANCE)
+    """A march of 2.6 s, under the circuit."""
+    return plan_of(duration=2.6)
 
 
 @cache
 def batch():
-    """Three robots of different fates."""
-    return run_loop(plan().setup("circuit", TRIALS), threads=2)
+    """Three robots that are pushed differently."""
+    return run_loop(setup_of(SPECS), threads=2)
+
+
+def setup_of(specs, controller="circuit"):
+    return plan().setup(plan().controller(controller), specs)
 
 
 # --- the same to the bit ------------------------------------------------------------------------------------
@@ -49,16 +52,16 @@ def batch():
 
 @pytest.mark.parametrize("robot", range(3))
 def test_a_robot_alone_does_what_it_does_in_a_batch(robot):
-    alone = run_loop(plan().setup("circuit", TRIALS[robot : robot + 1]))
+    alone = run_loop(setup_of(SPECS[robot : robot + 1]))
     assert_same_bits(batch(), alone, [robot])
 
 
 def test_the_number_of_threads_changes_nothing():
-    assert_same_bits(batch(), run_loop(plan().setup("circuit", TRIALS), threads=1), range(3))
+    assert_same_bits(batch(), run_loop(setup_of(SPECS), threads=1), range(3))
 
 
 def test_the_same_again_is_the_same_again():
-    setup = plan().setup("circuit", TRIALS)
+    setup = setup_of(SPECS)
     assert_same_bits(run_loop(setup), run_loop(setup), range(3))
 
 
@@ -72,13 +75,11 @@ def test_a_nao_with_other_names_needs_only_another_robot_file(tmp_path):
     """Every body, joint, site and geom of the MJCF is called something else; the same happens to the bit."""
     path = renamed_robot(tmp_path)
     other_file = path.with_name("other.xml").read_text(encoding="utf-8")
-    assert not any(f'"{name}"' in other_file for name in (*nao().actuated, "torso", "l_ankle"))
-    trial = Trial(4, (a_push(force=12.0),))
-    same = plan_of(duration=1.8, **CHANCE)
-    other = plan_of(duration=1.8, robot=str(path), **CHANCE)
-    np.testing.assert_array_equal(other.targets, same.targets)
-    recording = run_loop(other.setup("circuit", [trial]))
-    assert_same_bits(run_loop(same.setup("circuit", [trial])), recording)
+    assert not any(f'"{name}"' in other_file for name in (*nao().names("actuator"), "torso", "l_ankle"))
+    same, other = plan_of(duration=1.8), plan_of(duration=1.8, robot=str(path))
+    np.testing.assert_array_equal(other.body.motion.targets, same.body.motion.targets)
+    recording = walk_all(other, "circuit", SPECS[:1])
+    assert_same_bits(walk_all(same, "circuit", SPECS[:1]), recording)
     assert np.abs(recording.push_n).max() == 12.0
 
 
@@ -86,7 +87,7 @@ def test_a_robot_file_may_have_sensors_of_its_own_names(tmp_path):
     """The force cells are named by the robot file alone."""
     path = renamed_robot(tmp_path)
     path.write_text(path.read_text(encoding="utf-8").replace("LFsr", "Links"), encoding="utf-8")
-    assert list(load_robot(path).feet.left.cells) == ["LinksFL", "LinksFR", "LinksRL", "LinksRR"]
+    assert list(load_robot(path).biped.feet.left.cells) == ["LinksFL", "LinksFR", "LinksRL", "LinksRR"]
     recording = walk_alone(plan_of(duration=1.1, robot=str(path)))
     assert "LinksFL_n" in recording.columns()
 
@@ -116,7 +117,7 @@ def test_a_circuit_may_read_any_sensor(tmp_path):
     )
     text = text.replace("readout: {out: 1 deg}", "readout: {out: 1 deg, g: 0.1 deg, v: 0.1 deg}")
     (tmp_path / "moving.yaml").write_text(text, encoding="utf-8")
-    plan = plan_of(str(tmp_path / "moving.yaml"), duration=1.0, sensor_noise=CHANCE["sensor_noise"])
+    plan = plan_of(str(tmp_path / "moving.yaml"), duration=1.0, disturbances=[NOISE])
     recording = walk_alone(plan)
     assert recording.observation_names == ("zmp_y", "gyro_x", "com_velocity_y")
     for i, name in enumerate(recording.observation_names):
@@ -127,7 +128,7 @@ def test_a_circuit_may_read_any_sensor(tmp_path):
 
 def test_the_controller_reads_noise_and_the_robot_does_not():
     """The open loop is not touched by noise; what the circuit reads is."""
-    quiet, noisy = plan_of(duration=1.0), plan_of(duration=1.0, sensor_noise=CHANCE["sensor_noise"])
+    quiet, noisy = plan_of(duration=1.0), plan_of(duration=1.0, disturbances=[NOISE])
     assert_same_bits(walk_alone(quiet, "open_loop"), walk_alone(noisy, "open_loop"))
     difference = walk_alone(noisy).observations[2:60] - walk_alone(quiet).observations[2:60]
     zmp = list(walk_alone(noisy).observation_names).index("zmp_y")
@@ -147,9 +148,8 @@ def test_noise_of_the_com_is_read_in_the_channels_of_the_com_alone():
         "synapses:\n  - {from: com_y, to: c, weight: 1}\n  - {from: com_velocity_y, to: v, weight: 1}",
     )
     text = text.replace("readout: {out: 1 deg}", "readout: {out: 1 deg, c: 0.1 deg, v: 0.1 deg}")
-    noise = SensorNoise.model_validate({"com": "2 mm", "com_velocity": "3 cm/s"})
-    noisy = plan_of(duration=1.0, sensor_noise=noise)
-    recording = walk_alone(replace(noisy, circuit=parse_circuit(text, "edges.yaml")))
+    noise = Noise(std={"com": "2 mm", "com_velocity": "3 cm/s"})
+    recording = walk_alone(plan_of(parse_circuit(text, "edges.yaml"), duration=1.0, disturbances=[noise]))
     for i, (name, deviation) in enumerate((("zmp_y", 0.0), ("com_y", 0.002), ("com_velocity_y", 0.03))):
         read, true = recording.observations[1:, :, i], recording.channel(name)[:-1]
         assert (read - true).std() == pytest.approx(deviation, rel=0.25)
@@ -160,23 +160,25 @@ def test_cells_read_no_less_and_no_more_than_their_range():
 
     Cells that can show 1 N at most all show that while the robot stands, so the ZMP is their mean.
     """
-    loud = SensorNoise.model_validate({"force_cells": "300 N"})
-    recording = walk_alone(plan_of(duration=0.5, sensor_noise=loud))
+    loud = Noise(channel="*Fsr*", std="300 N")
+    recording = walk_alone(plan_of(duration=0.5, disturbances=[loud]))
     zmp = list(recording.observation_names).index("zmp_y")
     assert np.abs(recording.observations[..., zmp]).max() <= 0.0799 + 1e-12
 
-    cells = nao().spec.force_cells.model_copy(update={"range": (0.0, 1.0)})
-    spec = nao().spec.model_copy(update={"force_cells": cells})
+    file = load_robot("nao")
+    biped = file.biped.model_copy(update={"force_cells": ForceCells(range=(0.0, 1.0))})
     recording = walk_alone(plan_of(duration=0.5))
-    weak = walk_alone(replace(plan_of(duration=0.5), robot=replace(nao(), spec=spec)))
+    weak = walk_alone(plan_of(duration=0.5, robot=file.model_copy(update={"biped": biped})))
     assert np.abs(weak.observations[10:40, 0, zmp]).max() < 1e-12 < np.abs(recording.observations[40, 0, zmp])
 
 
 def test_robots_start_with_the_velocity_that_was_drawn():
     """Standing legs take a part of it within the first tick."""
-    hasty = Jitter.model_validate({"base_velocity": "5 cm/s"})
-    setup = plan_of(duration=0.02, jitter=hasty).setup("open_loop", [Trial(seed, ()) for seed in range(12)])
-    drawn, found = setup.fates.base_velocity, run_loop(setup).com_velocity[0, :, :2]
+    specs = [RunSpec(seed, (Jitter(velocity=0.05),)) for seed in range(12)]
+    recording = walk_all(plan_of(duration=0.02), "open_loop", specs)
+    generators = [np.random.default_rng(seed) for seed in range(12)]
+    drawn = np.array([(each.uniform(0, 0), each.normal(0.0, 0.05, 2))[1] for each in generators])
+    found = view_of(recording).com_velocity[0, :, :2]
     for axis in (0, 1):
         assert np.corrcoef(drawn[:, axis], found[:, axis])[0, 1] > 0.95
         assert 0.2 < np.polyfit(drawn[:, axis], found[:, axis], 1)[0] < 1.1
@@ -184,11 +186,11 @@ def test_robots_start_with_the_velocity_that_was_drawn():
 
 def test_commands_turn_the_ankles():
     """What the circuit writes arrives at the robot: with it the joints differ, and by as much."""
-    recording = walk_alone(plan_of(duration=2.4, pushes=(a_push(force=14.0),)))
-    without = walk_alone(plan_of(duration=2.4, pushes=(a_push(force=14.0),)), "open_loop")
+    recording = walk_alone(plan_of(duration=2.4, disturbances=(a_push(force=14.0),)))
+    without = walk_alone(plan_of(duration=2.4, disturbances=(a_push(force=14.0),)), "open_loop")
     first = int(np.flatnonzero(np.abs(recording.commands[:, 0, 0]) > 1e-2)[0])
     np.testing.assert_allclose(recording.qpos[: first - 20], without.qpos[: first - 20], atol=5e-3)
-    place = recording.robot.qpos_index[list(recording.robot.actuated).index("LAnkleRoll")]
+    place = recording.joints["LAnkleRoll"][0]
     turned = (recording.qpos - without.qpos)[:, 0, place]
     assert np.corrcoef(turned[first : first + 25], recording.commands[first : first + 25, 0, 0])[0, 1] > 0.8
 
@@ -203,9 +205,9 @@ def test_the_open_loop_follows_the_plan_and_records_no_neurons():
 def test_a_push_gives_its_impulse_to_the_robot():
     """Right after a short hard push the CoM is faster by F d / m, less what the standing leg takes."""
     push = a_push(force=60.0, duration=0.02, direction="outward", at=0.5)
-    pushed, calm = (walk_alone(plan_of(duration=2.0, pushes=pushes), "open_loop") for pushes in ((push,), ()))
-    after = round(pushed.fates.windows_s[0, 1] / 0.01) + 1
-    faster = (pushed.com_velocity - calm.com_velocity)[after, 0]
+    pushed, calm = (walk_alone(plan_of(duration=2.0, disturbances=pushes), "open_loop") for pushes in ((push,), ()))
+    after = round(pushed.effects.windows_s[0, 1] / 0.01) + 1
+    faster = (view_of(pushed).com_velocity - view_of(calm).com_velocity)[after, 0]
     assert 0.6 < faster[1] / (60 * 0.02 / nao().mass_kg) < 1.0
     assert abs(faster[0]) < 0.03
     np.testing.assert_array_equal(pushed.qpos[: after - 5], calm.qpos[: after - 5])
@@ -216,103 +218,78 @@ def test_a_push_above_the_centre_of_mass_turns_the_torso_over():
     rates, forces = [], []
     for height in (0.0, 0.08):
         push = a_push(force=30.0, duration=0.02, direction="90 deg", height=height)
-        recording = walk_alone(plan_of(duration=1.4, pushes=(push,)), "open_loop")
-        after = round(recording.fates.windows_s[0, 1] / 0.01)
+        recording = walk_alone(plan_of(duration=1.4, disturbances=(push,)), "open_loop")
+        after = round(recording.effects.windows_s[0, 1] / 0.01)
         rates.append(recording.channel("gyro_x")[after, 0])
         forces.append(recording.push_n)
     assert rates[1] < rates[0] - 0.05
     np.testing.assert_array_equal(*forces)
 
 
-# --- the plant ----------------------------------------------------------------------------------------------
+# --- robots that differ from what is known of them ----------------------------------------------------------
 
 
-def test_a_plant_is_simulated_and_neither_walk_nor_controller_know():
+def test_a_heavier_robot_is_simulated_and_neither_walk_nor_controller_know():
     plain = plan_of(duration=1.2)
-    other = plan_of(duration=1.2, plant=Plant(mass=1.1, slope={"left": "2 deg"}))
-    np.testing.assert_array_equal(other.targets, plain.targets)
-    np.testing.assert_array_equal(other.walk.pelvis_m, plain.walk.pelvis_m)
+    other = plan_of(duration=1.2, disturbances=[Body(mass=1.1), Slope(left=np.radians(2))])
+    np.testing.assert_array_equal(other.body.motion.targets, plain.body.motion.targets)
+    np.testing.assert_array_equal(known_of(other).walk.pelvis_m, known_of(plain).walk.pelvis_m)
     assert other.robot.mass_kg == plain.robot.mass_kg
-    setup = other.setup("circuit", [Trial(0, ())])
-    assert setup.robot.mass_kg == pytest.approx(1.1 * plain.robot.mass_kg)
-    recording = run_loop(setup)
+    recording = walk_alone(other)
+    assert recording.robot.mass_kg == pytest.approx(1.1 * plain.robot.mass_kg)
     assert recording.channel("load")[100, 0] == pytest.approx(1.1 * plain.robot.mass_kg * 9.81, rel=0.02)
     assert np.abs(recording.qpos - walk_alone(plain).qpos).max() > 1e-3
-
-
-def test_a_payload_nowhere_is_told_with_its_line(tmp_path):
-    text = TEXT + "plant: {payload: {body: r_hand, mass: 0.3 kg}}\n"
-    path = tmp_path / "mine.yaml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        make_plan(load_scenario(path))
-    said = str(caught.value).replace(str(path), "mine.yaml")
-    assert said.startswith("mine.yaml:22:25: plant.payload.body: unknown body 'r_hand'; allowed: torso, ")
-
-
-def test_a_delay_between_control_steps_is_told_with_its_line(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text(TEXT + "sensor_delay: 25 ms\n", encoding="utf-8")
-    plan = make_plan(load_scenario(path))
-    with pytest.raises(InputError) as caught:
-        plan.setup("open_loop", [Trial(0, ())])
-    assert str(caught.value).replace(str(path), "mine.yaml") == (
-        "mine.yaml:22:15: sensor_delay: found 25 ms; allowed: a multiple of the control step of 10 ms"
-    )
 
 
 # --- falling ------------------------------------------------------------------------------------------------
 
 
-def test_fallen_is_who_leans_beyond_45_degrees_or_lies():
-    layout = nao().layout
-    first = np.zeros((1, layout.width))
-    first[:, layout.com] = [0, 0, 0.27]
-    readings = np.repeat(first, 5, axis=0)[:, None]
-    angles = np.radians([0, 44, 46, 0, 0])
-    readings[:, 0, layout.torso_up] = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=1)
-    readings[3, 0, layout.com.start + 2] = 0.17
-    readings[4, 0, layout.com.start + 2] = 0.15
-    assert has_fallen(readings, nao(), first)[:, 0].tolist() == [False, False, True, False, True]
+@pytest.mark.parametrize(
+    ("degrees", "height_m", "falls"),
+    [(0, 0.27, False), (44, 0.27, False), (46, 0.27, True), (0, 0.17, False), (0, 0.15, True)],
+)
+def test_fallen_is_who_leans_beyond_45_degrees_or_lies(degrees, height_m, falls):
+    """The shipped scenario: upright < 0.7 or com_z < 0.6 * first(com_z)."""
+    readings = made_up(lean_deg={3: degrees}, ticks=6).readings
+    readings[3:, 0, nao_body().layout.com.start + 2] = height_m
+    found = judged(readings, (RunSpec(0),))
+    assert found.measures[0]["survived"] is not falls
+    assert found.measures[0]["time_of_fall_s"] == (pytest.approx(0.04) if falls else None)
+
+
+HARD = a_push(force=60.0, duration=0.3, direction="forward")
 
 
 def test_a_run_ends_soon_after_all_have_fallen_and_not_before():
-    hard = a_push(force=60.0, duration=0.3, direction="forward")
-    one = plan_of(duration=9.0)
-    recording = run_loop(one.setup("open_loop", [Trial(0, (hard,))]))
-    fallen = has_fallen(recording.readings, nao(), recording.readings[0])[:, 0]
-    assert fallen.any()
-    assert 60 <= recording.ticks - int(fallen.argmax()) <= 85
+    one = plan_of(duration=6.0)
+    recording = walk_all(one, "open_loop", [RunSpec(0, (HARD,))])
+    fallen = int(recording.end_tick[0])
+    assert fallen > 0
+    assert 60 <= recording.ticks - fallen <= 85
     assert recording.ticks < 400
-    both = run_loop(one.setup("open_loop", [Trial(0, (hard,)), Trial(0, ())]))
-    assert both.ticks == 900
+    both = walk_all(one, "open_loop", [RunSpec(0, (HARD,)), RunSpec(0)])
+    assert both.ticks == 600
     assert_same_bits(both, recording, [0])
 
 
-def test_seeing_who_stands_is_what_a_recording_shows():
-    hard = a_push(force=60.0, duration=0.3, direction="forward")
-    setup = plan_of(duration=3.0).setup("circuit", [Trial(0, ()), Trial(0, (hard,)), Trial(1, ())])
-    recording = run_loop(setup)
-    stands = ~has_fallen(recording.readings, nao(), recording.readings[0]).any(axis=0)
-    np.testing.assert_array_equal(run_to_see_who_stands(setup), stands)
-    assert stands.tolist() == [True, False, True]
-
-
-def test_who_has_fallen_is_stepped_no_further_if_only_the_verdict_counts():
+def test_who_has_fallen_is_stepped_no_further_if_only_the_measures_count():
     """The others go on to the same bits; the fallen one stays where it was within 20 ticks of its fall."""
-    hard = a_push(force=60.0, duration=0.3, direction="forward")
-    setup = plan().setup("circuit", [Trial(0, ()), Trial(0, (hard,)), Trial(1, ())])
-    recording = run_loop(setup)
-    every = range(nao().layout.width)
-    watched = run_and_watch(setup, every)
-    np.testing.assert_array_equal(watched.readings[:, [0, 2]], recording.readings[:, [0, 2]])
-    np.testing.assert_array_equal(watched.commands[:, [0, 2]], recording.commands[:, [0, 2]])
-    np.testing.assert_array_equal(watched.first, recording.readings[0])
-    fall = int(has_fallen(recording.readings, nao(), recording.readings[0])[:, 1].argmax())
-    still = np.flatnonzero((np.diff(watched.readings[:, 1], axis=0) == 0).all(axis=1))
-    assert fall <= still[0] <= fall + 20
-    assert len(still) == recording.ticks - 1 - still[0]
-    np.testing.assert_array_equal(watched.readings[: still[0], 1], recording.readings[: still[0], 1])
+    specs = [RunSpec(0), RunSpec(0, (HARD,)), RunSpec(1)]
+    seen = []
+    watch = Hook(0, 260, lambda _, worlds: seen.append(worlds.readings.copy()))
+    setup = setup_of(specs)
+    setup.effects.on_worlds.append(watch)
+    watched = run_and_watch(setup)
+    recording = run_loop(setup_of(specs))
+    assert watched.measures() == recording.measures
+    np.testing.assert_array_equal(watched.end_tick, recording.end_tick)
+    before = np.array(seen)  # of each tick
+    np.testing.assert_array_equal(before[1:, [0, 2]], recording.readings[:-1, [0, 2]])
+    fall = int(recording.end_tick[1])
+    still = np.flatnonzero((np.diff(before[:, 1], axis=0) == 0).all(axis=1))
+    assert fall < still[0] <= fall + 21
+    np.testing.assert_array_equal(still, np.arange(still[0], len(before) - 1))
+    np.testing.assert_array_equal(before[1 : still[0], 1], recording.readings[: still[0] - 1, 1])
 
 
 # --- old readings -------------------------------------------------------------------------------------------
@@ -321,8 +298,8 @@ def test_who_has_fallen_is_stepped_no_further_if_only_the_verdict_counts():
 def test_a_delay_shifts_what_is_read_by_whole_ticks_and_nothing_else():
     """Under a circuit without outputs that matter the robot does the same, so every reading is just older."""
     text = EDGES.replace("readout: {out: 1 deg}", "readout: {out: 0 deg}")
-    for ticks, delay in ((1, "10 ms"), (3, "30 ms")):
-        now, later = (idle_reader(text, delay=each) for each in ("0 ms", delay))
+    for ticks, delay in ((1, 0.01), (3, 0.03)):
+        now, later = (idle_reader(text, delay=each) for each in (0.0, delay))
         np.testing.assert_array_equal(later.qpos, now.qpos)
         np.testing.assert_array_equal(later.observations[ticks:], now.observations[:-ticks])
         np.testing.assert_array_equal(later.observations[:ticks], now.observations[[0] * ticks])
@@ -332,15 +309,13 @@ def test_a_delay_shifts_what_is_read_by_whole_ticks_and_nothing_else():
 @cache
 def idle_reader(text, delay):
     """A run of a circuit that reads noise and commands nothing."""
-    circuit = parse_circuit(text, "edges.yaml")
-    changes = {"sensor_noise": CHANCE["sensor_noise"], "faults": (fault("LFsrFL", "zero", 0.3, 0.2),)}
-    delayed = plan_of(duration=0.8, sensor_delay=parse_quantity(delay).value_si, **changes)
-    return walk_alone(replace(delayed, circuit=circuit))
+    befalling = [NOISE, fault("LFsrFL", "zero", 0.3, 0.2), Delay(channel="*", by=delay)]
+    return walk_alone(plan_of(parse_circuit(text, "edges.yaml"), duration=0.8, disturbances=befalling))
 
 
 def test_a_missing_reading_arrives_late_as_well():
     broken = fault("LFsrFL", "missing", 0.3, 0.1)
-    recording = walk_alone(plan_of(duration=0.6, faults=(broken,), sensor_delay=0.02))
+    recording = walk_alone(plan_of(duration=0.6, disturbances=[broken, Delay(channel="*", by=0.02)]))
     missing = np.isnan(recording.observations).any(axis=(1, 2))
     np.testing.assert_array_equal(missing.nonzero()[0], range(32, 42))
 
@@ -350,10 +325,9 @@ def test_a_missing_reading_arrives_late_as_well():
 
 def test_a_missing_cell_holds_the_command_and_the_run_goes_on():
     """A cell fails during a push; until it is back the ankle stays where it was."""
-    pushes = (a_push(force=14.0, at=0.2),)
-    broken = fault("LFsrFL", "missing", 1.3, 0.1)
-    recording = walk_alone(plan_of(duration=2.4, pushes=pushes, faults=(broken,)))
-    whole = walk_alone(plan_of(duration=2.4, pushes=pushes))
+    push, broken = a_push(force=14.0, at=0.2), fault("LFsrFL", "missing", 1.3, 0.1)
+    recording = walk_alone(plan_of(duration=2.4, disturbances=(push, broken)))
+    whole = walk_alone(plan_of(duration=2.4, disturbances=(push,)))
     assert recording.ticks == 240
     np.testing.assert_array_equal(
         np.isnan(recording.observations).any(axis=(1, 2)).nonzero()[0], range(130, 140)
@@ -370,10 +344,14 @@ def test_a_missing_cell_holds_the_command_and_the_run_goes_on():
 
 
 def test_a_fault_of_one_robot_does_not_touch_the_others():
-    setup = plan().setup("circuit", TRIALS)
-    factors = np.ones((3, 8))
-    factors[1, 2] = np.nan
-    recording = run_loop(replace(setup, cell_factors=dict.fromkeys(range(125, 160), factors)))
+    setup = setup_of(SPECS)
+    column = nao_body().layout.forces.start + 2
+
+    def break_one(_, readings):
+        readings[1, column] = np.nan
+
+    setup.effects.on_clipped.append(Hook(125, 160, break_one))
+    recording = run_loop(setup)
     assert np.isnan(recording.observations[125:160, 1]).any(axis=1).all()
     for name in ("readings", "qpos", "commands", "trace", "observations"):
         found, whole = getattr(recording, name)[:, [0, 2]], getattr(batch(), name)[:, [0, 2]]
@@ -383,7 +361,7 @@ def test_a_fault_of_one_robot_does_not_touch_the_others():
 
 
 def test_a_dead_cell_reads_zero_and_the_circuit_goes_on_with_it():
-    recording = walk_alone(plan_of(duration=0.6, faults=(fault("LFsrFL", "zero", 0.2, 0.1),)))
+    recording = walk_alone(plan_of(duration=0.6, disturbances=(fault("LFsrFL", "zero", 0.2, 0.1),)))
     assert not np.isnan(recording.observations).any()
     zmp = recording.observations[..., list(recording.observation_names).index("zmp_y")]
     assert zmp[25, 0] < zmp[15, 0] - 0.002
@@ -395,7 +373,7 @@ def test_ctrl_c_keeps_what_was_recorded():
         if done == 120:
             raise KeyboardInterrupt
 
-    setup = plan().setup("circuit", TRIALS)
+    setup = setup_of(SPECS)
     recording = run_loop(setup, stop)
     assert recording.interrupted
     assert recording.ticks == 120
@@ -406,5 +384,6 @@ def test_ctrl_c_keeps_what_was_recorded():
 
 def test_progress_is_told_how_much_is_done():
     told = []
-    run_loop(plan_of(duration=1.0).setup("open_loop", [Trial(0, ())]), told.append)
+    one = plan_of(duration=1.0)
+    run_loop(one.setup(one.controller("open_loop"), [RunSpec(0)]), told.append)
     assert told == [20, 40, 60, 80, 100]
