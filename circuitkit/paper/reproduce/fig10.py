@@ -27,7 +27,6 @@ from circuitkit.paper.reproduce.pushed_walk import (
     thresholds_for_pressure_m,
     zmp_as_read_m,
 )
-from circuitkit.simulation.story import support_edges_m
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
