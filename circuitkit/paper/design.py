@@ -26,7 +26,7 @@ _MIDDLE = 6  # a step in which the left foot carries
 
 
 def shipped_bipeds() -> tuple[str, ...]:
-    """Names of the shipped robots to which the design equations apply."""
+    """List the shipped robots to which the design equations apply."""
     names = shipped_robots()
     return tuple(name for name in names if getattr(load_robot(name), BipedBlock.kind, None) is not None)
 
@@ -34,7 +34,7 @@ def shipped_bipeds() -> tuple[str, ...]:
 def robot_and_reaches(
     robot: str, gait: str = "gait_march", moment: float = PUSHED_AT
 ) -> tuple[Body, tuple[Reach, Reach]]:
-    """A robot as the design equations see it, and how far it can be pushed while it walks.
+    """Measure a robot as the design equations see it, and how far it can be pushed while it walks.
 
     Args:
         robot: A path to a `robot.yaml`, or the name of a shipped robot.
@@ -54,7 +54,7 @@ def robot_and_reaches(
 
 
 def body_of(robot: RobotModel, gait: GaitSpec) -> Body:
-    """Mass, height of the CoM, ankle and sole of a robot that stands as the gait has it.
+    """Measure mass, height of the CoM, ankle and sole of a robot that stands as the gait has it.
 
     The lever is measured: both ankles roll, the hips turn back (eq. 5), and the CoM moves in proportion to
     the sine of the angle.
@@ -108,7 +108,7 @@ class _AnkleRoll:
 
 
 def _ankle_rolls(robot: RobotModel, biped: BipedBody) -> list[_AnkleRoll]:
-    """Both ankles' roll joints.
+    """Find both ankles' roll joints.
 
     Raises:
         InputError: The robot has none.
@@ -132,7 +132,7 @@ def _ankle_rolls(robot: RobotModel, biped: BipedBody) -> list[_AnkleRoll]:
 
 
 def _standing(biped: BipedBody, gait: GaitSpec, ankle_roll_rad: float) -> tuple[NDArray[np.float64], float]:
-    """The robot on both feet with its ankles rolled.
+    """Put the robot on both feet with its ankles rolled.
 
     Returns:
         CoM from the middle between the feet, shape (3,), [m]; height of the torso's own CoM, [m].
@@ -154,7 +154,7 @@ def _standing(biped: BipedBody, gait: GaitSpec, ankle_roll_rad: float) -> tuple[
 
 
 def reaches_of(robot: RobotModel, gait: GaitSpec, moment: float) -> tuple[Reach, Reach]:
-    """How far the DCM of the walking point mass is from the last edge, outward and inward.
+    """Work out how far the DCM of the walking point mass is from the last edge, outward and inward.
 
     Outward the sole that carries ends; inward the other foot catches the body, up to its own outer edge.
 

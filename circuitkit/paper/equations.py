@@ -1,4 +1,4 @@
-"""The paper's design equations (13, 16, 17, 19-22) and the bound of the DCM, each with its inverses.
+"""Holds the paper's design equations (13, 16, 17, 19-22) and the bound of the DCM, each with its inverses.
 
 Plain functions of numbers in SI units. What goes into a circuit file is the weight w, the angle that a fully
 active neuron adds to the ankle in a step (eqs. 14 and 15). `design_sheet` applies them all to one push

@@ -90,7 +90,7 @@ def gait_figures(recording: Recording) -> GaitFigures:
 
 
 def _drift_per_2m(torso: NDArray[np.float64], gait: GaitSpec) -> float:
-    """Sideways on 2 m forward, between equal phases so that the sway does not count; 0 on the spot."""
+    """Measure the drift on 2 m forward, between equal phases so that no sway counts; 0 on the spot."""
     start = round(gait.stand / gait.control_step) + _SETTLED_STEPS * gait.step_ticks
     cycle = 2 * gait.step_ticks
     cycles = (len(torso) - 1 - start) // cycle

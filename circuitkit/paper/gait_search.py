@@ -39,7 +39,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
 
 
 def with_numbers(gait: GaitSpec, values: Mapping[str, float]) -> GaitSpec:
-    """A gait with other values for what is searched."""
+    """Copy a gait with other values for what is searched."""
     change: dict[str, Any] = {
         "zmp": gait.zmp.model_copy(
             update={"forward": values["zmp_forward"], "sideways": values["zmp_sideways"]}
@@ -51,7 +51,7 @@ def with_numbers(gait: GaitSpec, values: Mapping[str, float]) -> GaitSpec:
 
 
 def cost(figures: GaitFigures) -> float:
-    """How unclean a walk is: 0 would be a ZMP that never leaves the middle and a swing foot that never drags.
+    """Rate how unclean a walk is: 0 is a ZMP that never leaves the middle and a swing foot that never drags.
 
     Distances count in centimetres, so that 1 cm less to the edge weighs as much as 10 % more drag, and as
     10 cm of drift on 2 m.
@@ -85,7 +85,7 @@ def evaluate(point: Array) -> float:
 
 
 def search(rounds: int, size: int, seed: int, workers: int) -> tuple[dict[str, float], float]:
-    """Sobol points over the whole range, then over a box around the best that is halved each round.
+    """Try Sobol points over the whole range, then over a box around the best that is halved each round.
 
     Args:
         rounds: How often.

@@ -1,4 +1,4 @@
-"""The bound of the DCM, which is the largest push that any control by the ankles can hold."""
+"""Works out the bound of the DCM, the largest push that any control by the ankles can hold."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ def _start_of_push(plan: Plan) -> _PushStart:
 
 
 def _corners_m(sole: Sole) -> Array:
-    """Corners of a sole from its ankle; shape (4, 2)."""
+    """List the corners of a sole from its ankle; shape (4, 2)."""
     return np.array([(x, y) for x in (sole.back, sole.front) for y in (sole.right, sole.left)])
 
 
 def _height_of(plan: Plan, body: str, qpos: Array) -> float:
-    """Height of a body's centre of mass above the floor, [m]."""
+    """Measure the height of a body's centre of mass above the floor, [m]."""
     model = plan.robot.model
     data = mujoco.MjData(model)
     data.qpos = qpos

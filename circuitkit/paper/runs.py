@@ -27,7 +27,7 @@ def record(plan: Plan, controller: str | ControllerSpec, specs: Sequence[RunSpec
 
 
 def without_pushes(plan: Plan, seed: int | None = None) -> RunSpec:
-    """A run with everything that befalls the scenario's robot, except its pushes.
+    """Describe a run with everything that befalls the scenario's robot, except its pushes.
 
     Args:
         plan: The scenario's plan.
@@ -39,7 +39,7 @@ def without_pushes(plan: Plan, seed: int | None = None) -> RunSpec:
 
 
 def push_moment(scenario: Scenario, reference: Reference) -> Moment:
-    """The moment at which the first push begins, without jitter.
+    """Find the moment at which the first push begins, without jitter.
 
     Args:
         scenario: The scenario.

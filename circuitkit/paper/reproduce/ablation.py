@@ -1,4 +1,4 @@
-"""Ablation: what each neuron and each connection of a circuit is worth, by silencing it."""
+"""Measures what each neuron and each connection of a circuit is worth, by silencing it."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Ablation(ReportFigure):
 
 
 def _circuit(case: Case) -> CircuitGraph:
-    """The circuit of a case.
+    """Return the circuit of a case.
 
     Raises:
         InputError: It has none.
@@ -99,21 +99,21 @@ def _circuit(case: Case) -> CircuitGraph:
 
 
 def with_lesions(study: Study, circuit: str, parts: tuple[Lesions, Lesions]) -> Study:
-    """The study of one circuit with a lesion for each of its parts, after those that the study has."""
+    """Give the study of one circuit a lesion for each of its parts, after those that the study has."""
     axis: dict[str, Any] = {value.text: dict(value.settings) for value in study.axes["lesion"]}
     axis |= {name: {"silenced": list(silenced)} for part in parts for name, silenced in part.items()}
     return study.with_({"axes": {"circuit": [circuit], "lesion": axis}})
 
 
 def neurons_of(circuit: CircuitGraph) -> Lesions:
-    """Its neurons that send anything."""
+    """List the neurons that send anything."""
     sending = {source for source, _ in connections(circuit)}
     names = [neuron.name for neuron in circuit.neurons if neuron.name in sending]
     return {_short(name, circuit): (name,) for name in names}
 
 
 def connections_of(circuit: CircuitGraph) -> Lesions:
-    """Its connections; those from several inputs to one neuron are one."""
+    """List the connections; those from several inputs to one neuron are one."""
     inputs = {node.name for node in circuit.inputs}
     found: dict[str, list[str]] = {}
     for source, target in connections(circuit):
@@ -125,14 +125,14 @@ def connections_of(circuit: CircuitGraph) -> Lesions:
 
 
 def _short(name: str, circuit: CircuitGraph) -> str:
-    """A name without that of the instance, if all neurons are of one."""
+    """Strip a name of that of the instance, if all neurons are of one."""
     instances = {neuron.name.rpartition(".")[0] for neuron in circuit.neurons}
     (prefix,) = instances if len(instances) == 1 else ("",)
     return name.removeprefix(f"{prefix}.") if prefix else name
 
 
 def claim_of(circuit: str, ratios: Ratios, neurons: Sequence[str], seeds: int) -> Claim:
-    """Whether every neuron has its part in what the circuit does."""
+    """Claim that every neuron has its part in what the circuit does."""
     needed = [name for name in neurons if ratios[name].high < 1]
     spare = [name for name in neurons if name not in needed]
     worst = min(neurons, key=lambda name: ratios[name].value)

@@ -1,4 +1,4 @@
-"""What the pictures of several figures have in common, so that they read alike, also in grey."""
+"""Keeps what the pictures of several figures have in common, so that they read alike, also in grey."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LineStyle:
     filled: bool = True
 
     def line(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401 - whatever `Axes.plot` takes
-        """Arguments of `Axes.plot`."""
+        """Return arguments of `Axes.plot`."""
         face = self.colour if self.filled else "white"
         return {
             "label": self.label,
@@ -65,7 +65,7 @@ STYLES: Mapping[str, LineStyle] = {
 
 
 def label_of(contender: str) -> str:
-    """The name of a contender in words."""
+    """Name a contender in words."""
     return STYLES[contender].label if contender in STYLES else contender.replace("_", " ")
 
 

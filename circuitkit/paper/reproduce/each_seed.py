@@ -1,4 +1,4 @@
-"""Ratios of what two survive, with an interval: a bootstrap over seeds, which both share."""
+"""Takes ratios of what two survive, with an interval by a bootstrap over seeds, which both share."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Ratio:
 
 
 def paired_ratio(mine: Array, theirs: Array) -> Ratio:
-    """The ratio of the means of two sets of forces, with its bootstrap interval.
+    """Take the ratio of the means of two sets of forces, with its bootstrap interval.
 
     The seeds are drawn again with replacement, some thousand times; with each goes what both survived under
     it, in all kinds of pushes, since the same seed means the same noise and the same moment for both. The
@@ -61,7 +61,7 @@ def paired_ratio(mine: Array, theirs: Array) -> Ratio:
 
 
 def forces_by(limits: Sequence[Limit], *axes: str) -> Mapping[tuple[str, ...], Array]:
-    """What each seed survived, by the values of some axes.
+    """Group what each seed survived by the values of some axes.
 
     Args:
         limits: Of a study that searches the limit of each seed.
@@ -77,6 +77,6 @@ def forces_by(limits: Sequence[Limit], *axes: str) -> Mapping[tuple[str, ...], A
 
 
 def seeds_in_words(study: Study) -> str:
-    """Such as `seeds 0 to 11`."""
+    """Name the seeds of a study, such as `seeds 0 to 11`."""
     seeds = study.seeds
     return f"seeds {seeds[0]} to {seeds[-1]}"

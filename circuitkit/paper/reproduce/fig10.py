@@ -1,4 +1,4 @@
-"""Fig. 10: the ZMP over time, with the support polygon and the thresholds of the circuit."""
+"""Makes figure 10, the ZMP over time with the support polygon and the thresholds of the circuit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ from circuitkit.paper.reproduce.pushed_walk import (
     thresholds_for_pressure_m,
     zmp_as_read_m,
 )
-from circuitkit.simulation.story import support_edges_m
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,14 +104,14 @@ def _claim(found: Sequence[Excursions]) -> Claim:
 
 
 def verdict_on_return(first: Sequence[float | None], calm: Sequence[float | None]) -> Verdict:
-    """It holds if the ZMP stayed inside as soon as in the paper, in part if it was back at all so soon."""
+    """Judge by whether the ZMP stayed inside as soon as in the paper, or at least was back so soon."""
     if quick_enough(calm):
         return Verdict.HOLDS
     return Verdict.PARTLY if quick_enough(first) else Verdict.FAILS
 
 
 def quick_enough(times_s: Sequence[float | None]) -> bool:
-    """Whether the median is at most the paper's and a control step; a run without a time counts as never."""
+    """See whether the median is at most the paper's and a control step; no time counts as never."""
     values = [np.inf if time is None else time for time in times_s]
     return bool(values) and float(np.median(values)) <= PAPER_S + _CONTROL_STEP_S
 

@@ -1,4 +1,4 @@
-"""Fig. 11: the largest force that is survived in all of 20 runs, by its duration."""
+"""Makes figure 11, the largest force that is survived in all of 20 runs, by its duration."""
 
 from __future__ import annotations
 

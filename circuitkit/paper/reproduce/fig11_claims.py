@@ -1,4 +1,4 @@
-"""What the paper says of its Fig. 11, and what we say beyond it, against measured forces."""
+"""Sets what the paper says of its Fig. 11, and what we say beyond it, against measured forces."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _KNOWS_MORE = (
 
 
 def claims_of(forces: Forces, at_com: Forces, runs: int) -> tuple[Claim, ...]:
-    """The rows of Fig. 11.
+    """Judge all claims of Fig. 11.
 
     Args:
         forces: For pushes at the torso, of the contenders binn, binn_tuned, binn_capture, mpc and mpc_full.
@@ -151,7 +151,7 @@ def _over_mpc_where_tuned(forces: Forces, name: str) -> Claim:
 
 
 def tuned_for(kinds: Sequence[PushKind]) -> list[PushKind]:
-    """The pushes with the durations that circuits are tuned for."""
+    """Pick the pushes with the durations that circuits are tuned for."""
     return [kind for kind in kinds if any(math.isclose(kind.duration_s, d) for d in _TUNED_FOR_S)]
 
 

@@ -1,4 +1,4 @@
-"""Figure 5: the network, and whether it is the one that section 4.2 describes."""
+"""Makes figure 5, the network, and sees whether it is the one that section 4.2 describes."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _claims(graph: CircuitGraph, answers: Answers) -> tuple[Claim, ...]:
 
 
 def _inner(graph: CircuitGraph) -> list[tuple[str, str, float]]:
-    """Synapses between neurons: from, to, weight in the unit of the target's activation."""
+    """List the synapses between neurons: from, to, weight in the unit of the target's activation."""
     neurons = {neuron.name for neuron in graph.neurons}
     return [
         (synapse.source, synapse.target, synapse.weight)
@@ -165,7 +165,7 @@ def _inner(graph: CircuitGraph) -> list[tuple[str, str, float]]:
 
 
 def _firing(answers: Answers, standing: str) -> set[str]:
-    """The q that send more than half at a ZMP far outside."""
+    """Find the q that send more than half at a ZMP far outside."""
     return {name for name in GROUPS[1].split() if answers.of(name, standing).max() > _ON}
 
 
@@ -174,7 +174,7 @@ def _which(answers: Answers) -> str:
 
 
 def _edges_m(graph: CircuitGraph, standing: str) -> list[float]:
-    """Where the thresholds of the q that count stand, as places of the ZMP, [m]."""
+    """Find where the thresholds of the q that count stand, as places of the ZMP, [m]."""
     shifts = {
         neuron.name: neuron.parameters["shift"] for neuron in graph.neurons if "shift" in neuron.parameters
     }
@@ -211,7 +211,7 @@ def _answers_figure(graph: CircuitGraph, answers: Answers) -> Figure:
 
 
 def _first(label: str, axes: object) -> str:
-    """The label the first time in these axes, then none."""
+    """Return the label the first time in these axes, then none."""
     return "" if label in axes.get_legend_handles_labels()[1] else label  # type: ignore[attr-defined]
 
 

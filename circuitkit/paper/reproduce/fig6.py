@@ -1,4 +1,4 @@
-"""Figure 6: the neurons' activation functions, and what shift and slope do to one."""
+"""Makes figure 6, the neurons' activation functions, and what shift and slope do to one."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def _claims(neurons: dict[str, Neuron]) -> tuple[Claim, ...]:
 
 
 def _parameters_figure(neuron: Neuron) -> Figure:
-    """Eq. 12 with other slopes, and with other shifts."""
+    """Draw eq. 12 with other slopes, and with other shifts."""
     own = {name: neuron.parameters[name] for name in ("slope", "shift")}
     with house_style():
         figure = new_figure(_LEFT + 2 * _WIDTH + _BETWEEN + 0.2, _TOP + _HEIGHT + _BOTTOM)

@@ -1,4 +1,4 @@
-"""Figure 7: w against the force of a push, by eq. 21 and as measured, with the bounds."""
+"""Makes figure 7, w against the force of a push, by eq. 21 and as measured, with the bounds."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Plane:
     point_mass_n: float
 
     def largest_n(self, weight: int) -> float:
-        """The largest force that all runs of a w survived, with every smaller one; 0 if there is none."""
+        """Find the largest force that all runs of a w survived, with every smaller one; 0 if none."""
         fallen = np.flatnonzero(self.share[weight] < 1.0)
         count = fallen[0] if len(fallen) else len(self.forces_n)
         return float(self.forces_n[count - 1]) if count else 0.0
@@ -276,7 +276,7 @@ def _claims_of_runs(planes: Mapping[str, Plane], seeds: int) -> Iterator[Claim]:
 
 
 def _survived(planes: Mapping[str, Plane], *, as_printed: bool, stable: bool) -> float:
-    """Part of the runs that are survived on one side of eq. 21, for one sign of w, up to eq. 22."""
+    """Count which part of the runs is survived on one side of eq. 21, for one sign of w, up to eq. 22."""
     mass, height = PAPER_BODY.mass_kg, PAPER_BODY.com_height_m
     found = []
     for plane in planes.values():
@@ -304,7 +304,7 @@ def _table(planes: Mapping[str, Plane]) -> Table:
 
 
 def _measured_figure(planes: Mapping[str, Plane], sheet: Sheet) -> Figure:
-    """One plane a direction: shades of grey for the survived share, with eq. 21 and the bounds."""
+    """Draw a plane for each direction: the survived share in shades of grey, with eq. 21 and the bounds."""
     left, top, between, bar, height, bottom = 0.62, 0.32, 0.22, 0.55, 2.7, 0.85
     width = (WIDTH_IN - left - between - bar - 0.35) / 2
     with house_style():
@@ -356,14 +356,14 @@ def _paint_plane(axes: Axes, plane: Plane, sheet: Sheet) -> Any:  # noqa: ANN401
 
 
 def _greys() -> Any:  # noqa: ANN401 - a colour map
-    """From white to a grey on which lines can be seen."""
+    """Make a colour map from white to a grey on which lines can be seen."""
     from matplotlib.colors import LinearSegmentedColormap
 
     return LinearSegmentedColormap.from_list("survival", ["#ffffff", "#808080"])
 
 
 def _over_grey(axes: Axes, x: Sequence[float] | Array, y: Sequence[float] | Array, **style: Any) -> None:  # noqa: ANN401
-    """A line with a pale rim, so that it is seen on grey and on white."""
+    """Draw a line with a pale rim, so that it is seen on grey and on white."""
     from matplotlib.patheffects import Normal, Stroke
 
     axes.plot(
@@ -378,7 +378,7 @@ def _over_grey(axes: Axes, x: Sequence[float] | Array, y: Sequence[float] | Arra
 
 
 def _edges(values: Array) -> Array:
-    """Edges of cells around ascending values: halfway between them."""
+    """Place the edges of cells halfway between ascending values."""
     middle = (values[1:] + values[:-1]) / 2
     return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 

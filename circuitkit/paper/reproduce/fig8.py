@@ -1,4 +1,4 @@
-"""Figure 8 and section 5.1: the computation time of a step."""
+"""Makes figure 8 with the claims of section 5.1, the computation time of a step."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ _SLOWER = (
 
 
 def _percent(seconds: float) -> str:
-    """Part of the control step."""
+    """Write a time as a part of the control step."""
     return f"{plain(100 * seconds / CONTROL_STEP_S, 2)} %"
 
 

@@ -1,4 +1,4 @@
-"""Fig. 9: the centre of mass leaves its limit cycle when it is pushed, and returns to it."""
+"""Makes figure 9: the centre of mass leaves its limit cycle when it is pushed, and returns to it."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ def _phase(axes: Axes, walk: PushedWalk, title: str) -> None:
 
 
 def _arrows(axes: Axes, y: Array, v: Array) -> None:
-    """The direction of time, along the first second after the push."""
+    """Mark the direction of time along the first second after the push."""
     head = {"arrowstyle": "-|>", "color": PUSHED, "mutation_scale": 11, "shrinkA": 0, "shrinkB": 0}
     for tick in (12, 38, 64):
         if tick + 1 < len(y):
@@ -213,7 +213,7 @@ def _arrows(axes: Axes, y: Array, v: Array) -> None:
 
 
 def _limits(walk: PushedWalk) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Around all that the held walk did after it had settled, with a margin."""
+    """Fit limits around all that the held walk did after it had settled, with a margin."""
     start = walk.push_s(0)[0]
     seen = walk.recording.time_s > start - _BEFORE_S
     found = []

@@ -1,4 +1,4 @@
-"""Figures of the report: a figure is a class in a module of this package, and is found there."""
+"""Finds the figures of the report: a figure is a class in a module of this package."""
 
 from __future__ import annotations
 

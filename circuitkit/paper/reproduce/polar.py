@@ -1,4 +1,4 @@
-"""Pushes from all around: the largest force that is survived, by its direction (section 6's outlook)."""
+"""Makes the figure of pushes from all around, by the direction of the force (section 6's outlook)."""
 
 from __future__ import annotations
 
@@ -81,16 +81,16 @@ class Around:
     duration_s: float
 
     def ratio(self, contender: str) -> float:
-        """Mean of the force over that in open loop, where the open loop survives any."""
+        """Take the mean of the force over that in open loop, where the open loop survives any."""
         there = self.survived[OPEN] > 0
         return float((self.survived[contender][there] / self.survived[OPEN][there]).mean())
 
     def of_bound(self, contender: str) -> float:
-        """Mean of the part of the bound that is reached, for a torso that stays upright."""
+        """Take the mean of the part of the bound that is reached, for a torso that stays upright."""
         return float((self.survived[contender] / self.bounds.upright_n).mean())
 
     def not_worse(self, contender: str) -> int:
-        """In how many directions it survives as much as the open loop, or more."""
+        """Count the directions in which it survives as much as the open loop, or more."""
         return int((self.survived[contender] >= self.survived[OPEN]).sum())
 
 
@@ -148,7 +148,7 @@ def _study(
 
 
 def measure(job: Job, study: Study) -> Around:
-    """The largest survived force of all contenders in all directions, and the bound on the same walk."""
+    """Search the largest survived force of all contenders in all directions, with the bound."""
     forces: dict[str, dict[float, float]] = {}
     for limit in job.sweep(study, apart="contender").limits():
         angle = float(str(limit.labels[DIRECTION]))
@@ -164,7 +164,7 @@ def measure(job: Job, study: Study) -> Around:
 def _along(
     job: Job, name: str, quick_axes: Mapping[str, Any], axes: Mapping[str, Any] | None = None
 ) -> Forces:
-    """The same along one axis, over durations."""
+    """Search the same along one axis, over durations."""
     study = _study(job, name, quick_axes, axes)
     survived = by_contender(job.sweep(study, apart="contender").limits())
     plan = plan_of(study, study.cells[0].settings)
@@ -209,7 +209,7 @@ def _claims(around: Around, ahead: Forces, sides: Forces, runs: int) -> tuple[Cl
 
 
 def _gain(claim: str, contender: str, around: Around, how: str) -> Claim:
-    """A gain on average; all directions are claimed, so one worse than the open loop is one too many."""
+    """Judge a gain on average; all directions are claimed, so one worse than the open loop is too many."""
     ratio, directions = around.ratio(contender), len(around.angles_rad)
     worse = directions - around.not_worse(contender)
     ours = f"{signed_percent(ratio)} over open loop; {around.of_bound(contender) * 100:.0f} % of the bound"
@@ -273,7 +273,7 @@ def _draw(job: Job, around: Around, runs: int) -> Picture:
 
 
 def figure_of(around: Around) -> Figure:
-    """The forces around the robot, and the same as parts of the bound."""
+    """Draw the forces around the robot, and the same as parts of the bound."""
     figure = new_figure(WIDTH_IN, 4.35)
     polar: Any = figure.add_axes((0.045, 0.2, 0.42, 0.695), projection="polar")
     share = figure.add_axes((0.6, 0.25, 0.385, 0.6))
@@ -285,7 +285,7 @@ def figure_of(around: Around) -> Figure:
 
 
 def _polar(axes: Any, around: Around) -> None:  # noqa: ANN401 - matplotlib does not type polar axes
-    """Forces around the robot, forward up and left at the left."""
+    """Draw forces around the robot, forward up and left at the left."""
     axes.set_theta_zero_location("N")
     axes.set_axisbelow(True)
     curves = _curves(around)
@@ -313,7 +313,7 @@ def _direction(angle_deg: int) -> str:
 
 
 def _curves(around: Around) -> dict[str, tuple[Array, Array]]:
-    """Angles and forces by name."""
+    """Collect angles and forces by name."""
     edges = {"bound": around.outline.upright_n, "point_mass": around.outline.point_mass_n}
     return {name: (OUTLINE_RAD, values) for name, values in edges.items()} | {
         name: (around.angles_rad, values) for name, values in around.survived.items()
@@ -321,7 +321,7 @@ def _curves(around: Around) -> dict[str, tuple[Array, Array]]:
 
 
 def _shares(axes: Axes, around: Around) -> None:
-    """Parts of the bound over the direction."""
+    """Draw parts of the bound over the direction."""
     tidy(axes)
     degrees = np.degrees(around.angles_rad)
     axes.axhline(100.0, **{**_STYLES["bound"].line(), "label": "_"})

@@ -54,12 +54,12 @@ class PushedWalk:
         return next(each for each in self.recording.judge.kinds if isinstance(each, ThresholdMeasure))
 
     def push_s(self, robot: int) -> tuple[float, float]:
-        """When the push on a robot began and ended, [s]."""
+        """Say when the push on a robot began and ended, [s]."""
         start, end = self.recording.effects.windows_s[robot]
         return float(start), float(end)
 
     def end_tick(self, robot: int) -> int:
-        """Ticks until a robot fell, or all."""
+        """Count the ticks until a robot fell, or all."""
         last = int(self.recording.end_tick[robot])
         return self.recording.ticks if last < 0 else last + 1
 
@@ -95,7 +95,7 @@ def record_pushed_walk(controller: str, seeds: Sequence[int]) -> PushedWalk:
 
 
 def _watched_until_s(scenario: Scenario) -> int:
-    """The whole second until which the push has been over for long enough, however late it begins, [s]."""
+    """Find the whole second at which the push has been over for long enough, however late it begins."""
     late = max((each.start for each in scenario.befalling if isinstance(each, Jitter)), default=0.0)
     begin = push_moment(scenario, scenario.made_reference()).time_s
     return math.ceil(begin + late + scenario.pushes[0].duration + WATCHED_S)
@@ -137,19 +137,19 @@ def excursions(outside: Flags, step_s: float, calm_ticks: int) -> Excursions:
 
 
 def thresholds_for_cells_m(walk: PushedWalk) -> Array:
-    """Where the circuit's thresholds stand, in each tick of each robot: right, left; shape (T, B, 2)."""
+    """Find where the circuit's thresholds stand in each tick of each robot: right, left; shape (T, B, 2)."""
     return np.asarray(walk.thresholds.lines_m[walk.view.support])
 
 
 def thresholds_for_pressure_m(walk: PushedWalk) -> Array:
-    """The same for the true centre of pressure: as far inside the soles' edges as those inside the cells'."""
+    """Put thresholds as far inside the soles' edges as the circuit's are in the cells'; shape (T, B, 2)."""
     block = walk.view.block
     moved = walk.thresholds.lines_m + support_edges_m(block) - cell_edges_m(block)
     return np.asarray(moved[walk.view.support])
 
 
 def cell_edges_m(block: BipedBlock) -> Array:
-    """Edges of the hull of the force cells, as `support_edges_m` has those of the soles; shape (3, 2)."""
+    """Find the edges of the force cells' hull, as `support_edges_m` does for the soles; shape (3, 2)."""
     offset = block.legs.hip_offset_y
     left = [offset + place[1] for place in block.feet.left.cells.values()]
     right = [-offset + place[1] for place in block.feet.right.cells.values()]
@@ -157,7 +157,7 @@ def cell_edges_m(block: BipedBlock) -> Array:
 
 
 def zmp_as_read_m(walk: PushedWalk) -> Array:
-    """ZMP_y as the controller read it, with the cells' noise; without, if it read none; shape (T, B)."""
+    """Take ZMP_y as the controller read it, with the cells' noise; without, if it read none; shape (T, B)."""
     recording, channel = walk.recording, walk.thresholds.channel
     if channel in recording.observation_names:
         return np.asarray(recording.observations[:, :, recording.observation_names.index(channel)])
@@ -165,12 +165,12 @@ def zmp_as_read_m(walk: PushedWalk) -> Array:
 
 
 def beyond(values: Array, lines: Array) -> Flags:
-    """Whether values are outside of lines by more than rounding; shapes (T, B) and (T, B, 2)."""
+    """See whether values are outside of lines by more than rounding; shapes (T, B) and (T, B, 2)."""
     return np.asarray((values < lines[..., 0] - 1e-9) | (values > lines[..., 1] + 1e-9))
 
 
 def measure_excursions(walk: PushedWalk, values: Array, lines: Array) -> tuple[Excursions, ...]:
-    """Of every robot, from its push to its fall or the end."""
+    """Measure the times outside of every robot, from its push to its fall or the end."""
     outside = beyond(values, lines)
     found = []
     for robot in range(outside.shape[1]):
@@ -180,7 +180,7 @@ def measure_excursions(walk: PushedWalk, values: Array, lines: Array) -> tuple[E
 
 
 def time_to_limit_cycle_s(walk: PushedWalk) -> tuple[float | None, ...]:
-    """From the push until the CoM stays near its limit cycle.
+    """Measure the time from the push until the CoM stays near its limit cycle.
 
     The cycle is the mean of the double steps before the push, in the plane of y and y'/omega. Near is 5 mm,
     a small part of its width of some 60 mm.
@@ -211,5 +211,5 @@ def _return_s(walk: PushedWalk, points: Array, robot: int) -> float | None:
 
 
 def _distances(points: Array, cycle: Array) -> Array:
-    """From every point to the nearest of the cycle; shape (T,)."""
+    """Measure the distance from every point to the nearest of the cycle; shape (T,)."""
     return np.asarray(np.linalg.norm(points[:, None] - cycle[None], axis=-1).min(axis=1))

@@ -1,4 +1,4 @@
-"""The report: Markdown with the pictures beside it, and one HTML file with everything in it."""
+"""Writes the report: Markdown with the pictures beside it, and one HTML file with everything in it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Entry:
 
 
 def as_markdown(entries: Sequence[Entry]) -> str:
-    """The report as Markdown; pictures are named from the folder of the report."""
+    """Write the report as Markdown; pictures are named from the folder of the report."""
     return "\n".join([*_head(entries), *_claims(entries), *_figures(entries), *_versions(entries)]) + "\n"
 
 
@@ -137,7 +137,7 @@ def _versions(entries: Sequence[Entry]) -> Iterator[str]:
 
 
 def as_html(markdown: str, folder: Path) -> str:
-    """The report as one file without anything to load.
+    """Write the report as one file without anything to load.
 
     Args:
         markdown: The report.

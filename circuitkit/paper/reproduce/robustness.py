@@ -1,4 +1,4 @@
-"""Robustness: what circuits gain over the open loop in worlds for which they were not tuned."""
+"""Measures what circuits gain over the open loop in worlds for which they were not tuned."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Robustness(ReportFigure):
 
 
 def claims_of(circuit: str, ratios: Ratios, seeds: int) -> tuple[Claim, ...]:
-    """Whether the gain is there in every condition, and how much of it stays."""
+    """Judge whether the gain is there in every condition, and how much of it stays."""
     nominal = ratios[NOMINAL]
     others = {name: ratio for name, ratio in ratios.items() if name != NOMINAL}
     lost = [name for name, ratio in others.items() if not ratio.low > 1]
@@ -166,7 +166,7 @@ def _points(axes: Axes, name: str, ratios: Ratios, aside: float) -> None:
 
 
 def _forces(axes: Axes, ratios: Mapping[str, Ratios]) -> None:
-    """The mean forces behind the ratios, on the right."""
+    """Write the mean forces behind the ratios, on the right."""
     beside: Any = {
         "xycoords": ("axes fraction", "data"),
         "xytext": (4, 0),

@@ -111,7 +111,7 @@ def _make(job: Job, stamp: Mapping[str, Any]) -> None:
 
 
 def is_finished(folder: Path, *, quick: bool, stamp: Mapping[str, Any]) -> bool:
-    """Whether a figure's folder holds what would be made, as fine as asked for, from the same files."""
+    """See whether a figure's folder holds what would be made, as fine as asked for, from the same files."""
     found = Finding.load(folder)
     if found is None:
         return False

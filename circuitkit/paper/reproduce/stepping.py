@@ -1,4 +1,4 @@
-"""A step beside the ankles for what they cannot hold, and a circuit that hands over: the outlook."""
+"""Makes the figure of the outlook: a step for what the ankles cannot hold, and a circuit that hands over."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Stepping(ReportFigure):
 
 
 def most_gained(forces: Forces) -> PushKind:
-    """The push of which steps hold most more than the ankles alone."""
+    """Find the push of which steps hold most more than the ankles alone."""
     mine, theirs = forces.survived["stepping"], forces.survived["ankles"]
     return max(forces.kinds, key=lambda kind: mine[kind] - theirs[kind])
 
@@ -123,12 +123,12 @@ def walk_calmly(study: Study, duration_s: float) -> Calm:
 
 
 def _settings(study: Study, contender: str) -> dict[str, Any]:
-    """The fields that a contender of the study sets."""
+    """Collect the fields that a contender of the study sets."""
     return dict(next(cell.settings for cell in study.cells if cell.labels["contender"] == contender))
 
 
 def _traced(recording: Recording, name: str) -> Any:  # noqa: ANN401 - an array
-    """What the controller recorded of itself; shape (T,)."""
+    """Take what the controller recorded of itself; shape (T,)."""
     return recording.trace[:, 0, recording.trace_names.index(name)]
 
 
@@ -231,7 +231,7 @@ def _draw_forces(job: Job, forces: Forces, runs: int) -> Picture:
 
 
 def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture:
-    """The DCM, who acts and where the feet are put, in a run at the largest force that steps survive."""
+    """Draw the DCM, who acts and where the feet go, in a run at the largest force that steps survive."""
     force = forces.survived["stepping"][kind]
     push = {
         "controller": "stepping",
@@ -282,7 +282,7 @@ def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> Non
 
 
 def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
-    """Bars where the circuit lets a step act."""
+    """Draw bars where the circuit lets a step act."""
     rows = {"right": "step_share_right", "left": "step_share_left"}
     for height, name in enumerate(rows.values()):
         acts = _traced(recording, name)[shown] > 0

@@ -1,4 +1,4 @@
-"""How long a step of the network takes, and a solve of the MPC, on one core of this machine.
+"""Times a step of the network and a solve of the MPC on one core of this machine.
 
 Times are the processor's time of this process, not the clock's: what else the machine does counts less.
 """
@@ -73,7 +73,7 @@ def time_in_turns(works: Mapping[str, tuple[Callable[[int], object], int]], runs
 
 
 def network_steps(circuit: str, backend: str) -> Callable[[int], object]:
-    """Steps of a circuit, each a call from Python that hands over other inputs.
+    """Prepare steps of a circuit, each a call from Python that hands over other inputs.
 
     Args:
         circuit: Name of the circuit, with the inputs `force_difference` and `zmp_y`.
@@ -101,7 +101,7 @@ def network_steps(circuit: str, backend: str) -> Callable[[int], object]:
 
 
 def mpc_solves(controller: str, plan: Plan) -> Callable[[int], object]:
-    """Solves of the MPC's quadratic program along a walk, from states that pushes have moved.
+    """Prepare solves of the MPC's quadratic program along a walk, from states that pushes have moved.
 
     Args:
         controller: Name of a controller file of the kind `wieber_mpc`.
@@ -159,7 +159,7 @@ class TimedController:
         self.inner.reset(batch)
 
     def step(self, observation: Array) -> Array:
-        """Commands of this control step."""
+        """Time the step; commands of this control step."""
         begin = time.process_time()
         command = self.inner.step(observation)
         self.durations_s.append(time.process_time() - begin)
@@ -167,7 +167,7 @@ class TimedController:
 
 
 def time_in_the_loop(plan: Plan, controllers: Sequence[str], seeds: Sequence[int]) -> dict[str, Times]:
-    """Mean time of a controller's step while it holds the pushed robot, one run a seed.
+    """Time a controller's step while it holds the pushed robot, one run a seed.
 
     Args:
         plan: The scenario's plan.
