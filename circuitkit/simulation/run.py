@@ -153,12 +153,20 @@ def _run(
         raise KeyboardInterrupt
     path = None if output is None else recording.save(Path(output))
     backend = getattr(controller, "backend", "")
-    result = Result(scenario, recording, recording.measures[0], path, backend=backend)
+    result = Result(scenario, recording, recording.measures[0], path, _unstable(recording), backend)
     if output is not None:
         from circuitkit.simulation.plots import draw_result  # brings matplotlib
 
         draw_result(result, Path(output))
     return result
+
+
+def _unstable(recording: Recording) -> tuple[str, ...]:
+    """A note if MuJoCo could not go on."""
+    if not recording.lost[0]:
+        return ()
+    advice = "a smaller timestep, less stiff servos or more damping may help"
+    return (f"the simulation became unstable at {recording.ended_s():.3f} s; {advice}",)
 
 
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:
