@@ -15,6 +15,9 @@ from circuitkit.robots.model import RobotModel
 
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _WHOLE = 1e-6  # far below a time step
+_LOST = [int(kind) for kind in (
+    mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC,
+)]  # fmt: skip
 
 
 def substeps_of(robot: RobotModel, step_s: float) -> int:
@@ -26,13 +29,22 @@ def substeps_of(robot: RobotModel, step_s: float) -> int:
     timestep = robot.model.opt.timestep
     count = step_s / timestep
     if abs(count - round(count)) > _WHOLE or round(count) == 0:
-        fitting = step_s / max(round(np.ceil(count)), 1)
+        below = np.floor(count) * timestep
+        steps = [f"{step * 1e3:g} ms" for step in (below, below + timestep) if step > 0]
         message = (
             f"found a control step of {step_s * 1e3:g} ms; allowed: a multiple of the model's time step of "
-            f"{timestep * 1e3:g} ms; or set timestep: {fitting * 1e3:g} ms in the robot file"
+            f"{timestep * 1e3:g} ms, such as {' or '.join(steps)}; or set timestep: {_fitting(step_s, count):g} ms "
+            f"in the robot file"
         )
         raise InputError(Problem("", 0, 0, "control_step", message))
     return round(count)
+
+
+def _fitting(step_s: float, count: float) -> float:
+    """The largest time step below the model's own that divides a control step and is short to write, [ms]."""
+    first = max(int(np.ceil(count)), 1)
+    exact = (step_s / n * 1e3 for n in range(first, first + 20))
+    return next((ms for ms in exact if abs(ms - float(f"{ms:.3g}")) < 1e-9), step_s / first * 1e3)  # noqa: PLR2004
 
 
 class Worlds:
@@ -77,7 +89,9 @@ class Worlds:
         self.batch = batch
         self._substeps = substeps_of(robot, step_s)
         count = min(batch, threads) if threads else (1 if batch == 1 else 0)
-        self.physics = Batch(model, batch, nthread=count)
+        sleeps = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
+        self.physics = Batch(model, batch, nthread=count, persistent=sleeps)
+        self._warned = self.physics.warning.tobytes()
         self._targets, self._last_target = targets, len(targets) - 1
         self._mixing, self._limits = _mixing(robot, commands)
         self._ctrl = self.physics.bind("ctrl")
@@ -111,6 +125,19 @@ class Worlds:
         self._force[:, body, :3] = force
         if torque is not None:
             self._force[:, body, 3:] = torque
+
+    def newly_lost(self) -> NDArray[np.bool_] | None:
+        """Whose positions, velocities or accelerations are no numbers, or huge: MuJoCo has set them back.
+
+        Returns:
+            Shape (B,); None if MuJoCo has warned of nothing since the last call.
+        """
+        warned = self.physics.warning.tobytes()  # comparing bytes costs a tenth of looking into the array
+        if warned == self._warned:
+            return None
+        self._warned = warned
+        lost: NDArray[np.bool_] = (self.physics.warning[:, _LOST, 1] > 0).any(axis=1)
+        return lost
 
     def stop(self, robots: NDArray[np.bool_]) -> None:
         """From now on time stands still for these robots, of all of them; shape (B,).

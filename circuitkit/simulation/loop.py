@@ -104,7 +104,7 @@ def run_loop(
         commands=rows.commands[:done], trace=rows.trace[:done],
         observation_names=tuple(controller.observations), command_names=tuple(controller.commands),
         trace_names=setup.trace_names, interrupted=interrupted,
-        measures=tracker.measures(), end_tick=tracker.end_tick,
+        measures=tracker.measures(), end_tick=tracker.end_tick, lost=tracker.lost,
     )  # fmt: skip
 
 
@@ -233,6 +233,8 @@ def _ticks(
         if on_worlds:
             _do(on_worlds, tick, worlds)
         advance(tick, commands)
+        if (lost := worlds.newly_lost()) is not None:
+            tracker.lose(lost, tick)
         rows.readings[tick] = worlds.readings
         rows.qpos[tick] = worlds.qpos
         recent_readings[tick % _LOOK_EVERY] = worlds.readings

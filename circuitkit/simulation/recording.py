@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -69,6 +69,7 @@ class Recording:
     measures: tuple[Mapping[str, Value], ...]
     end_tick: NDArray[np.int64]
     interrupted: bool = False
+    lost: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
     @property
     def ticks(self) -> int:
@@ -130,7 +131,7 @@ class Recording:
             for name, (values, unit) in getattr(block, "columns", lambda _: {})(self).items():
                 columns[column_name(name, unit)] = (values[:, robot], unit.dimension.si_symbol)
         for name, (place, unit) in self.joints.items():
-            columns[column_name(name, unit)] = (self.qpos[:, robot, place], unit.symbol)
+            columns.setdefault(column_name(name, unit), (self.qpos[:, robot, place], unit.symbol))
         for kind, names, values in (
             ("input", self.observation_names, self.observations),
             ("neuron", self.trace_names, self.trace),

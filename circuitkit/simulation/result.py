@@ -48,7 +48,10 @@ class Result:
     def outcome(self) -> str:
         """How it ended, in words."""
         recording = self.recording
-        if (ended := recording.ended_s()) is not None:
+        ended = recording.ended_s()
+        if ended is not None and recording.lost[0]:
+            return f"became unstable at {ended:.2f} s"
+        if ended is not None:
             return f"{'ended' if self.survived else 'fell' if _falls(recording) else 'ended'} at {ended:.2f} s"
         return "stood until interrupted" if recording.interrupted else "stood" if _falls(recording) else "ran to the end"
 

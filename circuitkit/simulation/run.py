@@ -153,7 +153,7 @@ def _run(
         raise KeyboardInterrupt
     path = None if output is None else recording.save(Path(output))
     backend = getattr(controller, "backend", "")
-    result = Result(scenario, recording, recording.measures[0], path, backend=backend)
+    result = Result(scenario, recording, recording.measures[0], path, _unstable(recording), backend)
     if output is not None:
         from circuitkit.simulation.plots import draw_result  # brings matplotlib
 
@@ -170,6 +170,14 @@ def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) ->
             raise
         problems = (Problem("", 0, 0, "--push: direction", each.message, each.hint) for each in error.problems)
         raise InputError(*problems) from error
+
+
+def _unstable(recording: Recording) -> tuple[str, ...]:
+    """A note if MuJoCo could not go on."""
+    if not recording.lost[0]:
+        return ()
+    advice = "a smaller timestep, less stiff servos or more damping may help"
+    return (f"the simulation became unstable at {recording.ended_s():.3f} s; {advice}",)
 
 
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:

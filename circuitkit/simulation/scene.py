@@ -9,6 +9,7 @@ import numpy as np
 
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel
+from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.renderer import Screen
 from circuitkit.simulation.summary import PushSpan
@@ -37,7 +38,7 @@ def film_model(robot: RobotModel, width: int = 640, height: int = 480) -> mujoco
         width: Of the largest picture, [pixels].
         height: Of the largest picture, [pixels].
     """
-    spec = mujoco.MjSpec.from_file(str(robot.robot.mjcf_path))
+    spec = read_mjcf(robot.robot.mjcf_path)
     if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
         _add_sky(spec)
     planes = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE and not geom.material]
@@ -57,7 +58,7 @@ def film_model(robot: RobotModel, width: int = 640, height: int = 480) -> mujoco
     visual.quality.shadowsize = 1024
     for key in spec.keys:
         key.ctrl = []
-    return spec.compile()
+    return compile_mjcf(spec, robot.robot.mjcf_path)
 
 
 def _add_sky(spec: Any) -> None:  # noqa: ANN401 - MjSpec is not typed
