@@ -13,6 +13,7 @@ from circuitkit.robots import Robot
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import Setup, run_loop
 from circuitkit.simulation.plan import CIRCUIT, Plan, make_plan
+from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.result import Result
 from circuitkit.simulation.scenario import Scenario, load_scenario, parse_push, with_push
 
