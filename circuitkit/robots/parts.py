@@ -335,11 +335,19 @@ def _vector(usage: str, kind: mujoco.mjtSensor, unit: str) -> None:
 
 _vector("position(PART, axis)", _SENSOR.mjSENS_FRAMEPOS, "m")
 _vector("velocity(PART, axis)", _SENSOR.mjSENS_FRAMELINVEL, "m/s")
-_vector("acceleration(PART, axis)", _SENSOR.mjSENS_FRAMELINACC, "m/s^2")
 _vector("angular_velocity(PART, axis)", _SENSOR.mjSENS_FRAMEANGVEL, "rad/s")
 _vector("ahead(PART, axis)", _SENSOR.mjSENS_FRAMEXAXIS, "1")
 _vector("side(PART, axis)", _SENSOR.mjSENS_FRAMEYAXIS, "1")
 _vector("up(PART, axis)", _SENSOR.mjSENS_FRAMEZAXIS, "1")
+
+
+@_reference("acceleration(PART, axis)", 2)
+def _acceleration(sensors: Sensors, arguments: Arguments) -> Meaning:
+    """MuJoCo's sensor is what an accelerometer feels, which is 9.81 m/s^2 upward at rest; so is the world's."""
+    axis = _axis(arguments[1])
+    felt = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, arguments[0])[axis]
+    still = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, "world")[axis]
+    return Meaning(Binary("-", felt, still), _dimension("m/s^2"))
 
 
 def _subtree(usage: str, kind: mujoco.mjtSensor, unit: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -310,8 +311,6 @@ class Effects:
         Raises:
             InputError: Nothing has such a name; lists what there is.
         """
-        from fnmatch import fnmatchcase
-
         roles = {n: c for block in self.robot.blocks.values() for n, c in getattr(block, "sensor_roles", {}).items()}
         if pattern in roles:
             return list(roles[pattern]), []

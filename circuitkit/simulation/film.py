@@ -86,7 +86,7 @@ class Reel:
 
     def frame(self, number: int) -> Image.Image:
         """A frame by its number; after the last one, the last one, faded."""
-        from PIL import Image
+        from PIL import Image  # an extra
 
         time_s = min(number, self.length - 1) / FRAMES_PER_S
         row = max(round(time_s / self._summary.step_s) - 1, 0)
@@ -104,7 +104,7 @@ class Reel:
         return next((push for push in self._summary.pushes if push.shown_at(time_s)), None)
 
     def _write_on(self, scene: Image.Image, row: int, push: PushSpan | None) -> None:
-        from PIL import ImageDraw
+        from PIL import ImageDraw  # an extra
 
         pen = ImageDraw.Draw(scene)
         summary = self._summary
@@ -126,7 +126,7 @@ class Reel:
 
 def _joined(reels: Sequence[Reel], length: int, width: int) -> Iterator[Image.Image]:
     """Frames of all reels next to each other; the frame of a reel that is over is made once."""
-    from PIL import Image
+    from PIL import Image  # an extra
 
     over: dict[int, Image.Image] = {}
     for number in range(length):
@@ -140,7 +140,7 @@ def _joined(reels: Sequence[Reel], length: int, width: int) -> Iterator[Image.Im
 
 
 def _faded(image: Image.Image) -> Image.Image:
-    from PIL import Image
+    from PIL import Image  # an extra
 
     grey = image.convert("L").convert("RGB")
     return Image.blend(grey, Image.new("RGB", image.size, PAPER), _FADED)
@@ -162,7 +162,7 @@ def _encoder() -> Any:  # noqa: ANN401 - a context manager that gives a function
         MissingDependencyError: imageio-ffmpeg is not installed.
     """
     try:
-        import imageio_ffmpeg
+        import imageio_ffmpeg  # an extra
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:

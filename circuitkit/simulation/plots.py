@@ -252,7 +252,7 @@ def _way(result: Result) -> Array | None:
 
 def _surroundings(axes: Axes, result: Result) -> None:
     """Outlines of what stands still in the world: boxes, cylinders, spheres."""
-    from matplotlib.patches import Circle, Polygon
+    from matplotlib.patches import Circle, Polygon  # only plots need it
 
     model = result.recording.robot.model
     kinds = mujoco.mjtGeom

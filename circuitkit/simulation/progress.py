@@ -12,8 +12,8 @@ def progress_bar(total: int, label: str, *, shown: bool) -> Iterator[Callable[[i
     if not shown:
         yield None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.console import Console  # only a bar needs it
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # as above
 
     console = Console(stderr=True)
     if not console.is_terminal:

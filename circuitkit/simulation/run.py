@@ -184,7 +184,7 @@ def _unstable(recording: Recording) -> tuple[str, ...]:
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:
     """Film the runs side by side; the last result, with a note if nothing here can make a film."""
     from circuitkit.simulation.film import film  # brings a renderer
-    from circuitkit.simulation.renderer import RendererError
+    from circuitkit.simulation.renderer import RendererError  # brings a renderer
 
     try:
         film(results, path, progress=progress)
@@ -195,7 +195,7 @@ def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Resu
 
 def _shown(result: Result) -> Result:
     """Show the run in a window; with a note if there is none."""
-    from circuitkit.simulation.viewer import DisplayError, watch
+    from circuitkit.simulation.viewer import DisplayError, watch  # only windows need it
 
     try:
         watch(result)

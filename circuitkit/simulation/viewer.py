@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,7 @@ def watch(result: Result) -> None:
     if result.recording.ticks == 0:
         return
     _require_display()
-    import mujoco.viewer
+    import mujoco.viewer  # opens the window system
 
     from circuitkit.simulation.scene import ReplayModel  # which finds a renderer
 
@@ -65,7 +66,7 @@ def replay(
         sleep: Waits for so long, [s].
     """
     from circuitkit.simulation.scene import add_arrow, place_camera  # which finds a renderer
-    from circuitkit.simulation.summary import summarise
+    from circuitkit.simulation.summary import summarise  # as above
 
     summary = summarise(result)
     start = clock()
@@ -98,9 +99,7 @@ def _require_display() -> None:
         raise DisplayError(message)
     if sys.platform == "darwin":  # there only mjpython may speak to the window system
         return
-    import warnings
-
-    import glfw
+    import glfw  # opens the window system
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the message below says it better

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from typing import ClassVar
 
 import numpy as np
@@ -75,7 +76,7 @@ class Noise(Disturbance):
     def _amount(self, effects: Effects, pattern: str, text: str, where: str) -> float:
         """A standard deviation in SI units, if its unit is that of what it is added to."""
         quantity = parse_quantity(text)
-        channels = [each for name, each in effects.robot.channels.items() if _matches(name, pattern)]
+        channels = [each for name, each in effects.robot.channels.items() if fnmatchcase(name, pattern)]
         for channel in channels:
             if channel.unit.dimension != quantity.dimension:
                 message = f"found '{text}', and the channel '{channel.name}' has '{channel.unit}'; allowed: a unit like it"
@@ -94,12 +95,6 @@ class Noise(Disturbance):
         for k in range(1, len(white)):
             drifting[k] = keep * drifting[k - 1] + math.sqrt(1 - keep * keep) * white[k]
         return drifting
-
-
-def _matches(name: str, pattern: str) -> bool:
-    from fnmatch import fnmatchcase
-
-    return fnmatchcase(name, pattern)
 
 
 def _adding(values: Array, places: Sequence[int], first: int, last: int) -> Hook:
