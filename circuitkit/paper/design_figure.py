@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import (
@@ -24,10 +26,6 @@ from circuitkit.draw.style import (
 )
 from circuitkit.paper import equations as eq
 from circuitkit.paper.design_sheet import Bound, Sheet, show
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 UNSTABLE = "#dedede"  # the region of Fig. 7
 _WIDTH, _HEIGHT = 3.1, 2.5  # of a panel, [in]

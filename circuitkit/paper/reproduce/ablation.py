@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from circuitkit.base.errors import InputError, Problem
+from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.silencing import ARROW, connections
 from circuitkit.draw.style import EXCITATORY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
@@ -16,13 +18,7 @@ from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
 from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.numbers import count, one_line, plain
-from circuitkit.study import Case, CaseBuilder, load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.circuit import CircuitGraph
-    from circuitkit.study import Study
+from circuitkit.study import Case, CaseBuilder, Study, load_study
 
 STUDY = "ablation"
 WHOLE, NONE = "nothing", "everything"

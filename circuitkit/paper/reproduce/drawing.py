@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from circuitkit.draw.style import EXCITATORY, GATE, GREY, INHIBITORY, INK, save_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 WIDTH_IN = 7.2
 PUSHED = "#c8201a"  # from the push on, as in the paper

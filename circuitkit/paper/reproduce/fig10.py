@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from circuitkit.biped.view import support_edges_m
@@ -27,9 +28,6 @@ from circuitkit.paper.reproduce.pushed_walk import (
     thresholds_for_pressure_m,
     zmp_as_read_m,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 

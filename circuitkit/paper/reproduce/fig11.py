@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
+
+from matplotlib.axes import Axes
 
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, label_of, save
@@ -13,12 +15,7 @@ from circuitkit.paper.reproduce.finding import Finding, Picture, Table
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
 from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.numbers import one_line, plain, signed_percent
-from circuitkit.study import load_study, wilson_interval
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.study import Study
+from circuitkit.study import Study, load_study, wilson_interval
 
 STUDY, THROUGH_COM = "fig11", "fig11_com"
 _QUICK: Mapping[str, Any] = {

@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import (
@@ -41,14 +45,8 @@ from circuitkit.paper.reproduce.forces import bounds
 from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.numbers import one_line, plain
 from circuitkit.paper.runs import plan_of
-from circuitkit.study import load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from circuitkit.simulation import Plan
-    from circuitkit.study import Results, Study
+from circuitkit.simulation import Plan
+from circuitkit.study import Results, Study, load_study
 
 STUDY = "fig7"
 _QUICK: Mapping[str, Any] = {
@@ -357,15 +355,11 @@ def _paint_plane(axes: Axes, plane: Plane, sheet: Sheet) -> Any:  # noqa: ANN401
 
 def _greys() -> Any:  # noqa: ANN401 - a colour map
     """Make a colour map from white to a grey on which lines can be seen."""
-    from matplotlib.colors import LinearSegmentedColormap
-
     return LinearSegmentedColormap.from_list("survival", ["#ffffff", "#808080"])
 
 
 def _over_grey(axes: Axes, x: Sequence[float] | Array, y: Sequence[float] | Array, **style: Any) -> None:  # noqa: ANN401
     """Draw a line with a pale rim, so that it is seen on grey and on white."""
-    from matplotlib.patheffects import Normal, Stroke
-
     axes.plot(
         x,
         y,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
@@ -21,12 +22,7 @@ from circuitkit.paper.reproduce.pushed_walk import (
     record_pushed_walk,
     time_to_limit_cycle_s,
 )
-from circuitkit.study import load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.study import Share
+from circuitkit.study import Share, load_study
 
 Array = NDArray[np.float64]
 

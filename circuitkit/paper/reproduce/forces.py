@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
+from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.runs import plan_of, push_moment
+from circuitkit.simulation import Plan
 from circuitkit.simulation.disturbances.push import direction_of
-
-if TYPE_CHECKING:
-    from circuitkit.paper.reproduce.job import Job
-    from circuitkit.simulation import Plan
-    from circuitkit.study import Limit, Study
+from circuitkit.study import Limit, Study
 
 DIRECTION, DURATION = "push.direction", "push.duration"
 

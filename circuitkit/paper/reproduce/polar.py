@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import (
@@ -29,13 +31,7 @@ from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bound
 from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
 from circuitkit.paper.runs import plan_of
-from circuitkit.study import load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from circuitkit.study import Study
+from circuitkit.study import Study, load_study
 
 Array = NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
 
 import circuitkit
 from circuitkit.paper.reproduce.finding import Claim, Finding, Table, Verdict
-
-if TYPE_CHECKING:
-    from markdown_it.token import Token
 
 TITLE = "The paper, figure by figure"
 _PAPER = (
@@ -143,8 +143,6 @@ def as_html(markdown: str, folder: Path) -> str:
         markdown: The report.
         folder: Where the pictures that it names lie; one that is not there stays a name.
     """
-    from markdown_it import MarkdownIt
-
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(markdown)
     _mark_verdicts(tokens)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
+
+from matplotlib.axes import Axes
 
 from circuitkit.draw.style import GREY, INK, NORMAL, SMALL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, label_of, save
@@ -15,9 +17,6 @@ from circuitkit.paper.reproduce.forces import circuits_of
 from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.numbers import count, one_line, plain
 from circuitkit.study import load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 STUDY = "robustness"
 NOMINAL, BASELINE = "nominal", "open_loop"

@@ -57,8 +57,8 @@ def reproduce(
     """Make figures, and a report of all that lie in the folder.
 
     What is finished stays as it is, a figure of a stopped call goes on where it was. A finished figure in
-    full is good for `quick` too. It is made anew once a circuit or a file of `sims/` is another; runs of it
-    that nothing changed are not run again.
+    full is good for `quick` too. It is made anew once a circuit, a robot or a file of `sims/` is another;
+    runs of it that nothing changed are not run again.
 
     Args:
         names: Which figures; all, if none are given.

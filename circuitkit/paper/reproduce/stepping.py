@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from circuitkit.draw.style import EXCITATORY, GREY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.push_bounds import PushKind
@@ -18,12 +19,7 @@ from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
 from circuitkit.paper.runs import plan_of, record
 from circuitkit.simulation import Recording
-from circuitkit.study import CaseBuilder, load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.study import Study
+from circuitkit.study import CaseBuilder, Study, load_study
 
 STUDY = "stepping"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "3 N", "check_below": 0}}
