@@ -10,10 +10,10 @@ import mujoco
 from mujoco.batch import Batch
 
 from circuitkit.biped.dynamics import generalised_positions
+from circuitkit.biped.thresholds import run_and_judge
 from circuitkit.simulation import Plan, load_scenario, make_plan
 from circuitkit.simulation.disturbance import Trial
 from circuitkit.simulation.loop import run_loop
-from circuitkit.biped.thresholds import run_and_judge
 from circuitkit.study.bench import Case, Work
 
 _ALONE_S = 17.0  # as long as nao_push, so that making the arrays counts as much as it does there

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from circuitkit.cli.printing import examples, note, print_json, print_table, progress_bar
+from circuitkit.base.progress import progress_bar
+from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
     from circuitkit.study.bench import Row

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from circuitkit.base.progress import progress_bar
 from circuitkit.cli.options import Backend, CircuitFile, Settings, Verbose, named_values, read_graph
-from circuitkit.cli.printing import examples, note, print_json, progress_bar
+from circuitkit.cli.printing import examples, note, print_json
 
 if TYPE_CHECKING:
     from circuitkit.engine.table import RunTable

@@ -11,9 +11,9 @@ import numpy as np
 
 from circuitkit.base.errors import MissingDependencyError
 from circuitkit.base.files import replacing
+from circuitkit.base.progress import progress_bar
 from circuitkit.draw.style import GREY, INK, PAPER
 from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
-from circuitkit.simulation.progress import progress_bar
 from circuitkit.simulation.result import Result
 from circuitkit.simulation.scene import CameraScene
 from circuitkit.simulation.summary import PushSpan, summarise
@@ -49,7 +49,7 @@ def film(results: Sequence[Result], path: Path, *, progress: bool = False) -> Pa
     length = max(frame_count(result) for result in results)
     width = len(results) * FRAME_SIZE[0] + (len(results) - 1) * _GAP
     with ExitStack() as stack:
-        show = stack.enter_context(progress_bar(length, "film", shown=progress))
+        show = stack.enter_context(progress_bar("film", length, shown=progress))
         reels = [stack.enter_context(closing(Reel(result))) for result in results]
         part = stack.enter_context(replacing(path))
         write = stack.enter_context(encode(part, (width, FRAME_SIZE[1])))

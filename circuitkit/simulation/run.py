@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from circuitkit.base.errors import InputError, MissingDependencyError, Problem
+from circuitkit.base.progress import progress_bar
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Controller
 from circuitkit.robots import Robot
@@ -146,9 +147,7 @@ def _run(
     if push is not None:
         spec = RunSpec(spec.seed, with_push(scenario, parse_push(push, scenario)))
     setup = _setup(plan, controller, spec, given=push is not None)
-    from circuitkit.simulation.progress import progress_bar  # brings rich
-
-    with progress_bar(plan.ticks, controller.name, shown=progress) as advance:
+    with progress_bar(controller.name, plan.ticks, shown=progress) as advance:
         recording = run_loop(setup, advance)
     if recording.ticks == 0:
         raise KeyboardInterrupt

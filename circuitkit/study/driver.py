@@ -10,6 +10,7 @@ from pathlib import Path
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import OutputError
+from circuitkit.base.progress import progress_bar
 from circuitkit.simulation.disturbances.delay import Delay
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.study.case_builder import CaseBuilder
@@ -55,8 +56,7 @@ def sweep(
         workers: Processes, by default one for each processor; or workers that are there already.
         resume: Go on with what the folder has, and do not run it again.
         scheduler: Address of a Dask scheduler whose workers are used instead.
-        progress: Show a bar on a terminal; or is told how many runs are done, and about how many there will
-            be.
+        progress: Show a bar on a terminal; or gets how many runs are done, and about how many there will be.
         batch: Runs that a worker steps together, at most.
 
     Raises:
@@ -73,9 +73,13 @@ def sweep(
     task = Task(study, cases, known)
     workplace = nullcontext(workers) if isinstance(workers, Workers) else open_workers(workers, scheduler)
     try:
-        with workplace as used, _shown(progress, study.name) as tell:
+        with workplace as used, _reported(progress, study.name) as report:
             drive(
-                [task], used, batch, tell, lambda _, runs: store.add(study, [row_of(study, r) for r in runs])
+                [task],
+                used,
+                batch,
+                report,
+                lambda _, runs: store.add(study, [row_of(study, r) for r in runs]),
             )
         if task.error is not None:
             raise task.error
@@ -101,7 +105,7 @@ def run_studies(
         studies: The studies.
         workers: Do the runs.
         batch: Runs that a worker steps together, at most.
-        progress: Is told how many runs are done and about how many there will be.
+        progress: Gets how many runs are done and about how many there will be.
 
     Returns:
         The results of each study, or what keeps one of its cells from being run.
@@ -128,7 +132,7 @@ def run_cases(
         seeds: Of every case.
         workers: Do the runs.
         batch: Runs that a worker steps together, at most.
-        progress: Is told how many runs are done and how many there are.
+        progress: Gets how many runs are done and how many there are.
 
     Returns:
         In the order of the cases: an outcome for each seed, or what keeps the case from being run.
@@ -145,15 +149,18 @@ def run_cases(
 
 
 @contextmanager
-def _shown(progress: bool | Progress, name: str) -> Iterator[Progress | None]:
-    """Where progress is told."""
-    if callable(progress) or not progress:
-        yield progress or None
+def _reported(progress: bool | Progress, name: str) -> Iterator[Progress | None]:
+    """Who gets how many runs are done: who asked for it, or a bar."""
+    if callable(progress):
+        yield progress
         return
-    from circuitkit.study.progress import progress_of_runs
-
-    with progress_of_runs(name) as tell:
-        yield tell
+    with progress_bar(name, shown=progress) as advance:
+        if advance is None:
+            yield None
+            return
+        yield lambda done, expected: advance(
+            done, max(expected, 1), f"{name}: {done} of about {expected} runs"
+        )
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,9 @@ class Results:
         amounts = {i: value for value, i in values.items()}
         ends = []
         for seed in self.study.seeds:
-            mine = {values[row[search.field]]: bool(row[search.condition]) for row in rows if row["seed"] == seed}
+            mine = {
+                values[row[search.field]]: bool(row[search.condition]) for row in rows if row["seed"] == seed
+            }
             ends.append(boundary(mine, search.count))
         each = tuple(amounts[low] if low >= 0 else 0.0 for low, _ in ends)
         held = sum(low >= 0 for low, _ in ends)

@@ -127,7 +127,7 @@ def drive(
         tasks: They get their runs, or an error.
         workers: Do the runs.
         batch: Runs in a batch, at most.
-        progress: Is told how many runs are done and about how many there will be.
+        progress: Gets how many runs are done and about how many there will be.
         keep: Is given a task's new runs, a batch at a time.
 
     Raises:
@@ -142,7 +142,9 @@ def drive(
         while True:
             if progress is not None:
                 progress(scheduler.done, scheduler.expected())
-            while (free := workers.slots() - len(under_way)) > 0 and (chosen := scheduler.take(batch or BATCH, free)):
+            while (free := workers.slots() - len(under_way)) > 0 and (
+                chosen := scheduler.take(batch or BATCH, free)
+            ):
                 under_way[workers.submit(_job(chosen))] = chosen
             if not under_way:
                 return
@@ -204,7 +206,9 @@ class _Scheduler:
         self._waiting: dict[str, deque[str]] = {}  # keys of runs, by what they share
         self._outcomes = {key: outcome for task in tasks for key, outcome in task.known.items()}
         self.done = 0
-        self._cells = [_Cell(task, i, task.strategy()) for task in tasks for i in range(len(task.study.cells))]
+        self._cells = [
+            _Cell(task, i, task.strategy()) for task in tasks for i in range(len(task.study.cells))
+        ]
         for cell in self._cells:
             self._ask(cell, None)
 

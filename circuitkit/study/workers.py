@@ -13,7 +13,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExec
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.context import SpawnContext, SpawnProcess
-from typing import Any
+from typing import Any, TypeVar
 
 from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
 from circuitkit.study.jobs import Done, Job, run_job, versions
@@ -23,6 +23,8 @@ _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL",
 _CONNECT_S = 10.0
 _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):\d{1,5}")
 _MOST_WORKERS = 1024
+
+T = TypeVar("T")
 
 
 class WorkerError(CircuitkitError):
@@ -77,12 +79,12 @@ class Workers:
 class ThisProcess(Executor):
     """Does a job when it is handed in."""
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:  # noqa: ANN401 - any
         """Do the job."""
-        future: Future[Any] = Future()
+        future: Future[T] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 - who asks for the result gets it
+        except Exception as error:  # who asks for the result gets it
             future.set_exception(error)
         return future
 
@@ -178,10 +180,12 @@ def _dask(address: str) -> Iterator[Workers]:
 
     def slots() -> int:
         """One job under way and one waiting for each thread that there is now, so that none waits for us."""
-        return max(2 * sum(client.nthreads().values()), 1)
+        return max(2 * int(sum(client.nthreads().values())), 1)
 
     def explain(error: Exception) -> Exception:
-        return WorkerError(f"the Dask workers of '{address}' cannot do a job: {type(error).__name__}: {error}")
+        return WorkerError(
+            f"the Dask workers of '{address}' cannot do a job: {type(error).__name__}: {error}"
+        )
 
     try:
         if not client.nthreads():

@@ -14,13 +14,13 @@ import pytest
 STUDY = """\
 study: two pushes
 scenario: nao_push
-set: {gait: gait_march, controller: open_loop, "pushes[0].start.step": 0}
+set: {reference.gait: gait_march, controller: open_loop, push.start.step: 0}
 watch: 1 s
 axes:
-  pushes[0].direction: [inward, outward]
+  push.direction: [inward, outward]
 seeds: {count: 2}
 """
-SEARCH = 'search: {field: "pushes[0].force", low: 0 N, high: 45 N, step: 15 N, check_below: 0}\n'
+SEARCH = 'search: {field: push.force, low: 0 N, high: 45 N, step: 15 N, check_below: 0}\n'
 
 
 @pytest.fixture
@@ -47,8 +47,8 @@ def test_shares_are_printed_with_their_interval(circuitkit, study):
     data = json.loads(printed.out)
     assert data["results"] == "out/results.parquet"
     assert [(share["labels"], share["survived"]) for share in data["shares"]] == [
-        ({"pushes[0].direction": "inward"}, 2),
-        ({"pushes[0].direction": "outward"}, 0),
+        ({"push.direction": "inward"}, 2),
+        ({"push.direction": "outward"}, 0),
     ]
 
 
@@ -59,7 +59,7 @@ def test_limits_are_printed_in_the_unit_of_the_search(circuitkit, tmp_path):
     (line,) = (line for line in done.out.splitlines() if "inward" in line)
     assert line.split() == ["inward", "15", "N", "1", "of", "1", "21", "to", "100", "%", "30", "N"]
     data = json.loads(circuitkit("sweep", "two.yaml", "-o", "out2", "--workers", "1", "--json").out)
-    assert (data["searched"], data["unit"]) == ("pushes[0].force", "N")
+    assert (data["searched"], data["unit"]) == ("push.force", "N")
     assert (data["limits"][0]["largest"], data["limits"][0]["fails_at"]) == (15.0, 30.0)
 
 

@@ -293,7 +293,10 @@ def test_any_executor_will_do(swept):
 
 @pytest.mark.parametrize("workers", [0, -1, 5000])
 def test_numbers_of_workers_without_sense_are_refused(workers):
-    with pytest.raises(CircuitkitError, match=rf"found {workers} workers; allowed: 1 to"), open_workers(workers):
+    with (
+        pytest.raises(CircuitkitError, match=rf"found {workers} workers; allowed: 1 to"),
+        open_workers(workers),
+    ):
         pass
 
 
