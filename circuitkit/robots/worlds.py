@@ -137,7 +137,7 @@ class Worlds:
             return None
         self._warned = warned
         lost: NDArray[np.bool_] = (self.physics.warning[:, _LOST, 1] > 0).any(axis=1)
-        return lost
+        return lost if self._leaders is None else lost | lost[self._leaders]
 
     def stop(self, robots: NDArray[np.bool_]) -> None:
         """From now on time stands still for these robots, of all of them; shape (B,).

@@ -237,8 +237,9 @@ def test_warnings_of_mujoco_come_once_as_lines_that_name_the_file(tmp_path, capl
     assert said.startswith(f"{tmp_path / 'model.xml'}: MuJoCo says: compiler attribute 'settotalmass' is deprecated")
 
 
-def test_an_unstable_simulation_is_said_and_ends_the_run(tmp_path):
+def test_an_unstable_simulation_is_said_and_ends_the_run(tmp_path, monkeypatch):
     """An integrator of 100 ms cannot hold a spring of 1e6 N/m on 4 kg."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log into the working directory
     mjcf = NAMELESS.replace("<mujoco>", '<mujoco><option timestep="0.1" integrator="Euler"/>')
     mjcf = mjcf.replace('<joint type="slide"/>', '<joint type="slide" stiffness="1e6" springref="1"/>')
     started(tmp_path, mjcf, SCENARIO.replace("15 ms", "100 ms").replace("0.3 s", "20 s") + "measures: {t: max(t)}\n")
