@@ -8,17 +8,6 @@ from pathlib import Path
 from circuitkit.base.errors import UnknownNameError
 from circuitkit.base.source import data_folder, read_yaml
 
-# Where the files of a kind lie, as patterns from the top of the data.
-FOLDERS = {
-    "circuits": "circuits/*.yaml",
-    "robots": "robots/*/robot.yaml",
-    "scenarios": "sims/*.yaml",
-    "controllers": "sims/controllers/*.yaml",
-    "gaits": "sims/gaits/*.yaml",
-    "studies": "sims/studies/*.yaml",
-}
-
-
 @dataclass(frozen=True)
 class Shipped:
     """A file that ships.
@@ -45,17 +34,29 @@ def catalogue(kind: str | None = None) -> tuple[Shipped, ...]:
     Raises:
         UnknownNameError: There is no such kind; lists those there are.
     """
-    if kind is not None and kind not in FOLDERS:
+    folders = _folders()
+    if kind is not None and kind not in folders:
         what = "kind"
-        raise UnknownNameError(what, kind, FOLDERS)
+        raise UnknownNameError(what, kind, folders)
     found = []
-    for each, pattern in FOLDERS.items():
+    for each, pattern in folders.items():
         if kind in {None, each}:
             top, _, rest = pattern.partition("/")
             for path in sorted(data_folder(top).glob(rest)):
                 name = path.parent.name if path.stem == "robot" else path.stem
                 found.append(Shipped(each, name, _description(path), path))
     return tuple(found)
+
+
+def _folders() -> dict[str, str]:
+    """Where the files of a kind lie, as patterns from the top of the data; every folder below `sims` is a kind."""
+    inner = sorted(path.name for path in data_folder("sims").iterdir() if path.is_dir())
+    return {
+        "circuits": "circuits/*.yaml",
+        "robots": "robots/*/robot.yaml",
+        "scenarios": "sims/*.yaml",
+        **{name: f"sims/{name}/*.yaml" for name in inner},
+    }
 
 
 def _description(path: Path) -> str:

@@ -402,7 +402,7 @@ def _checked(
         extra[str(part)] = dimension
         return StandIn(str(part), offset=part.offset)
 
-    def walk(part: Expression) -> Expression:
+    def replaced(part: Expression) -> Expression:
         match part:
             case Call(function="outside", arguments=arguments):
                 if len(arguments) == 2:  # noqa: PLR2004 - one or three
@@ -411,32 +411,32 @@ def _checked(
                 if len(arguments) == 1 and not (isinstance(arguments[0], Name) and arguments[0].name in bounded):
                     message = f"found '{part}', whose bounds are not known; allowed: outside(x, low, high)"
                     raise ExpressionError(message, part.offset)
-                inner = [walk(each) for each in arguments]
+                inner = [replaced(each) for each in arguments]
                 alike = inner[0]
                 for other in inner[1:]:
                     alike = Call("max", (alike, other), offset=part.offset)
                 return stand_in(part, known(alike))
             case Call(function="after" | "between", arguments=(argument, *times)):
                 for each in times:
-                    if known(walk(each)) not in {None, _SECOND}:
+                    if known(replaced(each)) not in {None, _SECOND}:
                         message = f"found '{part}'; allowed: times there, such as after({argument}, 2 s)"
                         raise ExpressionError(message, each.offset)
-                return stand_in(part, known(walk(argument)))
+                return stand_in(part, known(replaced(argument)))
             case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
-                inside = walk(argument)
+                inside = replaced(argument)
                 if function in _CONDITIONAL and not _is_condition(argument):
                     message = f"found '{part}'; allowed: a condition there, such as {function}(x > 0)"
                     raise ExpressionError(message, part.offset)
                 return stand_in(part, REDUCTIONS[function].dimension(known(inside)))
             case Call(function=function, arguments=arguments):
-                return Call(function, tuple(walk(each) for each in arguments), offset=part.offset)
+                return Call(function, tuple(replaced(each) for each in arguments), offset=part.offset)
             case Binary(operator=joint, left=left, right=right):
-                return Binary(joint, walk(left), walk(right), offset=part.offset)
+                return Binary(joint, replaced(left), replaced(right), offset=part.offset)
             case Unary(operator=sign, operand=operand):
-                return Unary(sign, walk(operand), offset=part.offset)
+                return Unary(sign, replaced(operand), offset=part.offset)
         return part
 
-    return walk(tree), extra
+    return replaced(tree), extra
 
 
 def _is_condition(tree: Expression) -> bool:

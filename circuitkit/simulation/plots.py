@@ -40,7 +40,7 @@ _SHOWN_IN = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "m/s": "mm/s"}  # where 
 
 def draw_result(result: Result, folder: Path) -> None:
     """Write `channels.png`, `neurons.png` where the controller has some, `path.png` of a robot that goes somewhere,
-    and what the blocks of the robot's file add, such as the ZMP of a biped.
+    and what the blocks of the robot's file add.
 
     Of a run that was stopped at once nothing is drawn.
 

@@ -61,8 +61,8 @@ class Push(Disturbance):
     force: Newtons | None = Field(default=None, ge=0)
     torque: NewtonMetres | None = Field(default=None, ge=0, description="About `direction`, instead of a force.")
     direction: Annotated[str, BeforeValidator(check_direction)] = Field(
-        description="forward, backward, left, right, up, down, what the reference knows (such as inward, towards a "
-        "lifted foot), or an angle: 0 deg is forward, 90 deg to the left."
+        description="forward, backward, left, right, up, down, or what the reference knows, or an "
+        "angle: 0 deg is forward, 90 deg to the left."
     )
     duration: Seconds = Field(gt=0)
     height: Metres = Field(

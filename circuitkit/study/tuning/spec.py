@@ -68,7 +68,7 @@ class TuneSpec(FileModel):
         default=None,
         min_length=1,
         max_length=1,
-        description="Instead: the file of a reference, such as {gait: FILE}.",
+        description="Instead: the file of a reference, such as {KIND: FILE}.",
     )
     parameters: dict[str, Searched] = Field(
         min_length=1, description="What is searched: values of the file by name, as --set takes them."
