@@ -114,6 +114,20 @@ class Worlds:
         """Work out the readings at the start, once the state is what it shall be."""
         self.physics.forward()
 
+    def start_state(self) -> Array:
+        """The state of every world now, right after `begin`; for `restart`. Shape (B, n)."""
+        return self.physics.state.copy()
+
+    def restart(self, robots: NDArray[np.int64], start: Array) -> None:
+        """Put some robots back to their start, while the others go on; each then is at a tick of its own.
+
+        Args:
+            robots: Their numbers.
+            start: What `start_state` gave.
+        """
+        self.physics.state[robots] = start[robots]
+        self.physics.forward(robots.astype(np.int32))
+
     def push(self, body: int, force: Array, torque: Array | None = None) -> None:
         """Push a body from now on, with forces at its centre of mass and torques; world frame.
 
@@ -172,20 +186,21 @@ class Worlds:
             going &= self._leaders == np.arange(self.batch)
         self._stepped = None if going.all() else np.flatnonzero(going).astype(np.int32)
 
-    def advance(self, tick: int, commands: Array) -> None:
+    def advance(self, tick: int | NDArray[np.int64], commands: Array) -> None:
         """Send what the reference wants at a tick plus the commands, and let one control step pass.
 
         Sensors have no memory here, and nobody reads them between two control steps: they are worked out in
         the last time step only, which leaves every bit as it is and saves a fifth of the time.
 
         Args:
-            tick: Row of the targets.
+            tick: Row of the targets; or one for each robot, shape (B,).
             commands: Shape (B, m), SI units.
         """
         if self._limits is not None:
             commands = np.clip(commands, *self._limits)
         np.vecdot(commands[:, None], self._mixing, self._ctrl)
-        np.add(self._ctrl, self._targets[min(tick, self._last_target)], self._ctrl)
+        row = min(tick, self._last_target) if isinstance(tick, int) else np.minimum(tick, self._last_target)
+        np.add(self._ctrl, self._targets[row], self._ctrl)
         if self._skips:
             self._flags[:] = self._seeing | _NO_SENSORS
             self.physics.step(self._stepped, self._substeps - 1)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 LIGHT = np.array([-0.08, 0.5, -1.0])  # where the light goes
 ARROW_RGBA = np.array([0.86, 0.09, 0.07, 1.0], dtype=np.float32)
-FILM_CAMERA = "film"  # a camera of this name in the MJCF is the one that films
+FILM_CAMERA = "film"  # a camera of this name in the MJCF is the one that films, else its first one
 
 _FOLLOW_S = 1.0  # a following camera goes where the robot is on average over so long
 _FINENESS = 2  # drawn so much larger and then reduced: smoother and faster than the renderer's own smoothing
@@ -147,7 +147,7 @@ def _ground(model: mujoco.MjModel) -> float:
 
 def _film_camera(model: mujoco.MjModel) -> int:
     names = [model.camera(i).name for i in range(model.ncam)]
-    return names.index(FILM_CAMERA) if FILM_CAMERA in names else -1
+    return names.index(FILM_CAMERA) if FILM_CAMERA in names else min(len(names), 1) - 1
 
 
 def _heaviest(model: mujoco.MjModel) -> int:
