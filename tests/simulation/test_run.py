@@ -16,7 +16,7 @@ from circuitkit.base.errors import InputError, UnknownNameError, listing
 from circuitkit.base.source.data_files import data_folder
 from circuitkit.control import shipped_controllers
 from circuitkit.robots import build_model, load_robot
-from circuitkit.simulation import RunSpec, compare, load_scenario, loop, make_plan, plots, progress, simulate
+from circuitkit.simulation import RunSpec, compare, load_scenario, loop, make_plan, plots, simulate
 
 ROW = (
     "scenario", "controller", "seed", "push", "survived", "time_of_fall_s", "max_zmp_excursion_m",
@@ -214,7 +214,7 @@ def interrupt_at(monkeypatch, tick):
 
         yield advance
 
-    monkeypatch.setattr(progress, "progress_bar", bar)
+    monkeypatch.setattr("circuitkit.simulation.run.progress_bar", bar)
 
 
 def test_what_was_recorded_until_ctrl_c_is_on_disk(mine, tmp_path, monkeypatch):
