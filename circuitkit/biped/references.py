@@ -14,7 +14,7 @@ from circuitkit.base.source import Document, FileModel, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
 from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import Body, walk_reference
-from circuitkit.biped.dynamics import BodyDynamics, generalised_positions, servo_targets
+from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, servo_targets
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
 from circuitkit.biped.gait.pattern import plan_stand
 from circuitkit.biped.gait.schedule import Schedule, plan_steps
@@ -92,10 +92,10 @@ class GaitReference(Reference):
             raise InputError(Problem("", 0, 0, "control_step", message))
         body = biped_of(robot)
         dynamics = BodyDynamics(body)
-        walk, torques = plan_walk(
-            self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, dynamics.torques
+        walk, found = plan_walk(
+            self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
         )
-        return _motion(robot, body, walk, np.zeros((ticks, len(body.servos))) if torques is None else torques)
+        return _motion(robot, body, walk, found)
 
 
 class StandSpec(FileModel):
@@ -140,15 +140,27 @@ class StandReference(Reference):
             lift=Lift(start=0.0, end=1.0, height=0.0), swing=Window(start=0.2, end=0.8),
         )  # fmt: skip
         dynamics = BodyDynamics(body)
-        walk, torques = plan_stand(gait, body.block.legs.geometry(), dynamics.zmp, dynamics.torques)
-        return _motion(robot, body, walk, torques)
+        walk, found = plan_stand(
+            gait, body.block.legs.geometry(), dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
+        )
+        return _motion(robot, body, walk, found)
 
 
-def _motion(robot: RobotModel, body: BipedBody, walk: Walk, torques: Array) -> Motion:
+def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) -> Array:
+    """Torque and angle of every servo along a walk, side by side; shape (T, 2 n)."""
+    positions = generalised_positions(body, walk)
+    body.kinematics.check_stops(positions)
+    return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
+
+
+def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array | None) -> Motion:
+    found = np.zeros((planned.ticks, 0)) if torques_and_targets is None else torques_and_targets
+    torques, targets = np.hsplit(found, 2)
+    walk = as_walked(body, planned, targets)
     knowledge = walk_reference(walk, known_body(robot, body))
     return Motion(
-        targets=servo_targets(body, walk, torques),
-        start_qpos=generalised_positions(body, walk)[0],
+        targets=servo_targets(body, targets, torques),
+        start_qpos=generalised_positions(body, planned.rows(slice(0, 1)))[0],
         planned=planned_channels(knowledge),
         columns={"step": walk.schedule.step, "phase": walk.schedule.phase},
         knowledge=knowledge,
