@@ -264,17 +264,18 @@ class Effects:
             self._generators[key] = np.random.default_rng(seed)
         return self._generators[key]
 
-    def collected(self, name: str, make: Callable[[], Any], finish: Callable[[Effects], object]) -> Any:  # noqa: ANN401
-        """Something that several disturbances add to, and that is finished when all have.
+    def collected(self, name: str, make: Callable[[], Any], finish: Callable[[Effects], object] | None = None) -> Any:  # noqa: ANN401
+        """Something that several disturbances add to, and that may be finished when all have.
 
         Args:
             name: What it is called.
             make: Makes it empty.
-            finish: Is called in the end.
+            finish: Is called in the end; nothing if None.
         """
         if name not in self._collections:
             self._collections[name] = make()
-            self.finishers.append(finish)
+            if finish is not None:
+                self.finishers.append(finish)
         return self._collections[name]
 
     def moment(self, start: Any, where: str) -> Moment:  # noqa: ANN401 - seconds, or a mapping

@@ -15,7 +15,7 @@ from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import Dimension, Unit, parse_unit
-from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension, dimension_of, named_symbol
+from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, DimensionError, OpenDimension, dimension_of, named_symbol
 from circuitkit.circuit.expressions.expression import (
     COMPARISONS,
     Binary,
@@ -34,6 +34,7 @@ Value: TypeAlias = "float | bool | None"
 Series: TypeAlias = Callable[[Array, float], Array]
 
 ENDED, TIME = "ended", "t"
+_DIGITS = 12  # of a time in seconds
 _SECOND, _PLAIN = OpenDimension(Dimension(time=1)), NO_DIMENSION
 
 
@@ -232,7 +233,8 @@ class Formula:
             "max": partial(_either, "max", track),
             "min": partial(_either, "min", track),
         }
-        time = (track.first + np.arange(1, track.ticks + 1)) * track.step_s
+        # Rounded, so that the tick that ends at 0.41 s is not after it.
+        time = np.round((track.first + np.arange(1, track.ticks + 1)) * track.step_s, _DIGITS)
         time = time.reshape(-1, *(1,) * (len(track.shape) - 1))
         functions["after"] = lambda x, start: np.where(time > start, x, np.nan)
         functions["between"] = lambda x, start, end: np.where((time > start) & (time <= end), x, np.nan)
@@ -415,7 +417,10 @@ def _checked(
                 alike = inner[0]
                 for other in inner[1:]:
                     alike = Call("max", (alike, other), offset=part.offset)
-                return stand_in(part, known(alike))
+                try:
+                    return stand_in(part, known(alike))
+                except DimensionError as error:
+                    raise ExpressionError(error.of(str(part)), part.offset) from error
             case Call(function="after" | "between", arguments=(argument, *times)):
                 for each in times:
                     if known(replaced(each)) not in {None, _SECOND}:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from circuitkit.base.source.fields import Ratio, Seconds
@@ -70,17 +69,15 @@ class Actuator(Disturbance):
         effects.spans.append((words, first * effects.step_s, last * effects.step_s))
         with placed(f"{where}.actuator"):  # before the run
             effects.robot.matching("actuator", self.actuator)
-        kept: dict[str, Array] = {}
+        spells: list[tuple[int, int, Actuator]] = effects.collected("actuators", list)
+        spells.append((first, last, self))
 
-        def begin(_: int, worlds: Worlds) -> None:
+        def change(tick: int, worlds: Worlds) -> None:
+            """Begin with what the model has, for others may begin or end between."""
             gains, biases = worlds.physics.expand("actuator_gainprm"), worlds.physics.expand("actuator_biasprm")
-            kept["gains"], kept["biases"] = np.array(gains), np.array(biases)
-            self._scale(worlds.robot, gains, biases)
+            gains[:], biases[:] = worlds.robot.model.actuator_gainprm, worlds.robot.model.actuator_biasprm
+            for begin, end, each in spells:
+                if begin <= tick < end:
+                    each._scale(worlds.robot, gains, biases)
 
-        def end(_: int, worlds: Worlds) -> None:
-            worlds.physics.expand("actuator_gainprm")[:] = kept["gains"]
-            worlds.physics.expand("actuator_biasprm")[:] = kept["biases"]
-
-        effects.on_worlds.append(Hook(first, first + 1, begin))
-        if last < effects.ticks:
-            effects.on_worlds.append(Hook(last, last + 1, end))
+        effects.on_worlds += [Hook(tick, tick + 1, change) for tick in (first, last) if tick < effects.ticks]
