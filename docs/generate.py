@@ -103,6 +103,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "circuits": _hook("circuit_pictures.py", "write_circuit_pictures"),
     "figures": _hook("figure_table.py", "write_figure_table"),
     "pictures": write_pictures,
+    "robots": _hook("moving_picture.py", "write_robot_pictures"),
 }
 
 
