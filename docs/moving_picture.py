@@ -48,16 +48,18 @@ def frames() -> Iterator[Image.Image]:
             sheet = Image.new("RGB", (len(reels) * (width + GAP) - GAP, height), "white")
             for column, (reel, (_, begin_s)) in enumerate(zip(reels, PUSHED, strict=True)):
                 sheet.paste(reel.frame(round(begin_s * FRAMES_PER_S) + number), (column * (width + GAP), 0))
-            yield sheet.resize((round(sheet.width * SCALE), round(sheet.height * SCALE)), Image.Resampling.LANCZOS)
+            size = round(sheet.width * SCALE), round(sheet.height * SCALE)
+            yield sheet.resize(size, Image.Resampling.LANCZOS)
 
 
 def write_moving_picture() -> None:
     """Write the moving picture, a WebP that plays for ever."""
     first, *rest = frames()
     with replacing(IMAGES / "moving.webp") as part:
+        lasts_ms = 1000 * EVERY // FRAMES_PER_S
         first.save(
-            part, format="WEBP", save_all=True, append_images=rest, duration=1000 * EVERY // FRAMES_PER_S, loop=0,
-            quality=QUALITY, method=6,
+            part, format="WEBP", save_all=True, append_images=rest, duration=lasts_ms, loop=0, quality=QUALITY,
+            method=6,
         )  # fmt: skip
 
 

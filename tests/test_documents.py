@@ -18,7 +18,9 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 _BLOCK = re.compile(r"^```(?:sh|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-_FILE = re.compile(r"^```(?:yaml|xml|python)\n(?:#|<!--) (\S+\.(?:yaml|xml|py))\b(.*?)^```", re.MULTILINE | re.DOTALL)
+_FILE = re.compile(
+    r"^```(?:yaml|xml|python)\n(?:#|<!--) (\S+\.(?:yaml|xml|py))\b(.*?)^```", re.MULTILINE | re.DOTALL
+)
 QUICK = ("init", "validate", "format", "show", "diff", "draw", "run", "schema", "design")
 
 
@@ -97,6 +99,14 @@ def test_links_between_files_lead_somewhere():
     for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
         for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_the_tables_of_what_registers_itself_are_up_to_date():
+    script = runpy.run_path(str(ROOT / "docs" / "kind_tables.py"))
+    assert len(script["pages"]()) > 1
+    for page in script["pages"]():
+        text = page.read_text(encoding="utf-8")
+        assert script["page_with_tables"](text) == text, "python docs/generate.py kinds writes them"
 
 
 def test_the_reference_of_the_commands_is_up_to_date():
