@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import logging
 import pkgutil
 from collections.abc import Iterator, Mapping
 from functools import cached_property
@@ -12,6 +13,9 @@ from types import ModuleType
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 from circuitkit.base.errors import UnknownNameError
+
+
+_LOG = logging.getLogger(__name__)
 
 
 class Kind(Protocol):
@@ -45,17 +49,18 @@ class Registry(Generic[KindT]):
         self.word = word
         self._base = base
         self._package = package
-        self.broken: dict[str, Exception] = {}
 
     @cached_property
     def kinds(self) -> Mapping[str, type[KindT]]:
-        """The classes by their `kind`, in alphabetical order. A plug-in that fails goes to `broken`."""
+        """The classes by their `kind`, in alphabetical order; a plug-in that fails is left out with a warning."""
         found = {each.kind: each for each in self._own()}
-        for point in entry_points(group=f"circuitkit.{self.word}"):
+        group = f"circuitkit.{self.word}"
+        for point in entry_points(group=group):
             try:
                 found |= {each.kind: each for each in self._of(point)}
             except Exception as error:  # noqa: BLE001 - a plug-in of others may fail in any way, and must not stop us
-                self.broken[point.name] = error
+                why = f"{type(error).__name__}: {error}"
+                _LOG.warning("the plug-in '%s' of %s is left out: %s", point.name, group, why)
         return dict(sorted(found.items()))
 
     def __getitem__(self, kind: str) -> type[KindT]:
