@@ -1,7 +1,7 @@
 """Writes the tables of what registers itself into the pages; docs/generate.py calls `write_kind_tables`.
 
-A table stands between `<!-- NAME: written by docs/kind_tables.py -->` and `<!-- end -->`, where NAME is a key of
-`TABLES`. So no page has a list of kinds that somebody keeps by hand.
+A table stands between `<!-- NAME: written by docs/kind_tables.py -->` and `<!-- end -->`, where NAME is a key
+of `TABLES`. So no page has a list of kinds that somebody keeps by hand.
 """
 
 from __future__ import annotations

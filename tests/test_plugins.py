@@ -51,7 +51,7 @@ def test_kinds_of_a_plug_in_work_like_our_own(folder):
     (row,) = json.loads(done.stdout)
     assert row["controller"] == "lab_balance"
     assert row["energy"] > 0
-    assert 1 < row["settling_time_s"] < 3
+    assert 1 < row["settling_time_s"] < 2.5
 
 
 def test_without_the_plug_in_its_kinds_are_unknown(folder):
@@ -65,6 +65,5 @@ def test_a_plug_in_that_fails_is_left_out_with_a_warning(folder):
     install(folder, "[circuitkit.measures]\nlab = not_there\n")
     done = run(folder, "simulate", "cartpole_balances", "--json")
     assert done.returncode == 0
-    assert done.stderr == (
-        "the plug-in 'lab' of circuitkit.measures is left out: ModuleNotFoundError: No module named 'not_there'\n"
-    )
+    why = "ModuleNotFoundError: No module named 'not_there'"
+    assert done.stderr == f"the plug-in 'lab' of circuitkit.measures is left out: {why}\n"
