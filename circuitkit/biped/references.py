@@ -35,7 +35,7 @@ class GaitMoment(FileModel):
 
 
 class GaitReference(Reference):
-    """A walk, planned for the whole body; brings `planned_com_*`, and pushes inward and outward."""
+    """Walks by a gait file; brings `planned_com_*`, moments of steps, and the directions inward and outward."""
 
     kind: ClassVar[str] = "gait"
     settings = str

@@ -30,14 +30,14 @@ class Edges(FileModel):
 
 
 class Thresholds(MeasureKind):
-    """Neurons at whose half activation the ZMP counts as having crossed an edge; gives excursion and recovery."""
+    """Measures how far the ZMP goes beyond a circuit's thresholds, and how long it takes to be back."""
 
     kind: ClassVar[str] = "thresholds"
 
     channel: str = Field(description="The circuit's input that they compare.")
-    left_foot: Edges
-    right_foot: Edges
-    both_feet: Edges
+    left_foot: Edges = Field(description="Neurons at the `right` and `left` edge while the left foot carries.")
+    right_foot: Edges = Field(description="The same for the right foot.")
+    both_feet: Edges = Field(description="The same for both feet.")
     circuit: str | None = Field(
         default=None, description="The circuit whose neurons they are, if neither the one in use nor the scenario's."
     )

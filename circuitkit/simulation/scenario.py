@@ -104,8 +104,8 @@ def scenario_class() -> type[Scenario]:
     measure: Any = measures_class()
     fields: dict[str, Any] = {
         "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
-        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls the robot, in order.")),
-        "measures": (measure, Field(default=measure(), description="What is told of a run, by name.")),
+        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls robot, channels and commands, in order.")),
+        "measures": (measure, Field(default=measure(), description="Expressions by name, and kinds of measures with their settings.")),
     }
     return create_model("Scenario", __base__=Scenario, **fields)
 
@@ -154,10 +154,10 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     model_config = ConfigDict(arbitrary_types_allowed=True)
 
     scenario: str = Field(default="scenario", description="Name.")
-    description: str = ""
-    robot: Any = Field(description="A shipped robot, or the path of a robot.yaml.")
+    description: str = Field(default="", description="One sentence; `circuitkit list` shows it.")
+    robot: Any = Field(description="A shipped robot, or the path of a robot file.")
     servo_profile: str | None = Field(
-        default=None, description="A set of servos of the robot file; its own if absent."
+        default=None, description="A set of servos of the robot file; its own choice if absent."
     )
     reference: Any = None
     controller: Any = Field(
@@ -174,13 +174,13 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         "such as q1 or q1 -> p1.",
     )
     control_step: Seconds | None = Field(
-        default=None, gt=0, description="That of the reference, else that of the circuit, if absent."
+        default=None, gt=0, description="Time between two commands; that of the reference, else that of the circuit, if absent."
     )
-    duration: Seconds = Field(gt=0, le=LONGEST_S)
+    duration: Seconds = Field(gt=0, le=LONGEST_S, description="How long the run lasts.")
     disturbances: Any = ()
     until: str | None = Field(default=None, description="Condition that ends the run.")
     measures: Any = Field(default_factory=dict)
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, description="Seed of everything random.")
 
     _document: Document = PrivateAttr(default=Document("", None, {}))
 

@@ -70,7 +70,7 @@ def dcm_at_end(dcm_m: Array, zmp_m: float, time_left_s: float, omega: float) -> 
 
 
 class CaptureStepSpec(ControllerSpec):
-    """A controller file of the kind `capture_step`."""
+    """Puts a foot where the capture point asks for it, beside a circuit of the ankles."""
 
     kind: ClassVar[str] = "capture_step"
 

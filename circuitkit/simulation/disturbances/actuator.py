@@ -15,7 +15,7 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start,
 
 
 class Actuator(Disturbance):
-    """An actuator that is weak or dead, or a servo that is softer, for a while or for the whole run."""
+    """Makes actuators weak or dead, or servos softer, for a while or for the whole run."""
 
     kind: ClassVar[str] = "actuator"
 

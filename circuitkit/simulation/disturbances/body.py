@@ -13,7 +13,7 @@ from circuitkit.simulation.disturbance import Disturbance, placed
 
 
 class Body(Disturbance):
-    """A body whose mass or friction differs, for the whole run; controllers and references do not know."""
+    """Changes mass or friction of bodies for the whole run; controllers and references do not know."""
 
     kind: ClassVar[str] = "body"
 

@@ -13,7 +13,7 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
 class Current(Disturbance):
-    """The velocity of the water or air around everything, MuJoCo's `wind`; it needs a density or viscosity."""
+    """Moves the water or air around everything, MuJoCo's `wind`; the MJCF needs a density or viscosity."""
 
     kind: ClassVar[str] = "current"
 

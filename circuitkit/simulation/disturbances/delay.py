@@ -16,13 +16,13 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, placed
 
 
 class Delay(Disturbance):
-    """What the controller reads is old, or what it writes comes late, by whole control steps."""
+    """Lets the controller read old values, or its commands come late, by whole control steps."""
 
     kind: ClassVar[str] = "delay"
 
     channel: str | None = Field(default=None, description="Name of a channel, with * for any letters.")
     command: str | None = Field(default=None, description="Name of a command, with * for any letters.")
-    by: Seconds = Field(ge=0, description="Whole control steps.")
+    by: Seconds = Field(ge=0, description="By how much; whole control steps.")
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Delay:

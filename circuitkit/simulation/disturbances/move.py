@@ -16,14 +16,14 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start,
 
 
 class Move(Disturbance):
-    """A loose object, or a mocap body, that is put elsewhere or thrown at a moment."""
+    """Puts a loose object or a mocap body elsewhere, or throws it, at a moment."""
 
     kind: ClassVar[str] = "move"
 
     body: str = Field(description="A body with a free joint, or a mocap body.")
     position: tuple[Metres, Metres, Metres] | None = Field(default=None, description="Where it is put; x, y, z.")
     velocity: tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] | None = Field(
-        default=None, description="With what velocity; for a body with a free joint."
+        default=None, description="Its velocity then, along x, y and z; for a body with a free joint."
     )
     start: Start = Field(default=0.0, description="A time such as 5 s, or a moment of the reference.")
 

@@ -19,7 +19,7 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
 class Noise(Disturbance):
-    """Noise in channels: white, or a drift with a time constant.
+    """Adds noise to what the controller reads of channels: white, or a drift with a time constant.
 
     White noise is n_k = s z_k with z_k from the normal distribution. A drift is the Ornstein-Uhlenbeck process
     n_k = a n_(k-1) + s sqrt(1 - a^2) z_k with a = exp(-dt / drift), whose standard deviation is s as well.
@@ -33,7 +33,7 @@ class Noise(Disturbance):
     )
     drift: Seconds | None = Field(default=None, gt=0, description="Time constant; without it the noise is white.")
     start: Start = Field(default=0.0, description="A time such as 5 s, or a moment of the reference.")
-    duration: Seconds | None = Field(default=None, gt=0, description="To the end if absent.")
+    duration: Seconds | None = Field(default=None, gt=0, description="To the end of the run if absent.")
     stream: int = Field(
         default=0, ge=0, le=1000, description="Noises of other streams do not change the numbers of this one."
     )

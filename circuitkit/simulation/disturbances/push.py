@@ -52,19 +52,19 @@ def _is_angle(text: str) -> bool:
 
 
 class Push(Disturbance):
-    """A force on a body, or a torque, for a while."""
+    """Pushes a body with a force, or turns it with a torque, for a while."""
 
     kind: ClassVar[str] = "push"
     per_robot: ClassVar[bool] = True
 
     body: str = Field(description="A body of the MJCF, or what a block of the robot file calls one, such as torso.")
-    force: Newtons | None = Field(default=None, ge=0)
-    torque: NewtonMetres | None = Field(default=None, ge=0, description="About `direction`, instead of a force.")
+    force: Newtons | None = Field(default=None, ge=0, description="Size of the force.")
+    torque: NewtonMetres | None = Field(default=None, ge=0, description="Size of a torque about `direction`, instead of a force.")
     direction: Annotated[str, BeforeValidator(check_direction)] = Field(
         description="forward, backward, left, right, up, down, or what the reference knows, or an "
         "angle: 0 deg is forward, 90 deg to the left."
     )
-    duration: Seconds = Field(gt=0)
+    duration: Seconds = Field(gt=0, description="How long it lasts.")
     height: Metres = Field(
         default=0.0,
         ge=-_HIGHEST_M,
