@@ -21,6 +21,17 @@ LIGHT = np.array([-0.08, 0.5, -1.0])  # where the light goes
 ARROW_RGBA = np.array([0.86, 0.09, 0.07, 1.0], dtype=np.float32)
 FILM_CAMERA = "film"  # a camera of this name in the MJCF is the one that films, else its first one
 
+_OWN_LIGHT = "circuitkit light"  # shines where the MJCF has no lights
+_SLICES, _STACKS = 20, 12  # of round parts
+_SHADOW_PIXELS = 2048  # of the MJCF's own lights, at most
+
+# Presses what is above the ground flat along the light; not wholly, for a surface needs a normal.
+_FLAT = np.array([[1.0, 0.0, -LIGHT[0] / LIGHT[2]], [0.0, 1.0, -LIGHT[1] / LIGHT[2]], [0.0, 0.0, 1e-3]])
+_SHADOW_RGBA = np.array([0.47, 0.49, 0.52, 1.0], dtype=np.float32)
+_SHADOW_SIZES = 0.0025  # how far above the ground, in sizes of the robot
+_CASTS_SIZES = 0.03  # from this radius on a part casts a shadow, in sizes of the robot
+_LEVEL = 0.999  # cosine between the normal of a level plane and the vertical
+
 _FOLLOW_S = 1.0  # a following camera goes where the robot is on average over so long
 _FINENESS = 2  # drawn so much larger and then reduced: smoother and faster than the renderer's own smoothing
 _AZIMUTH_DEG, _ELEVATION_DEG = 148.0, -12.0  # from the robot's front right
@@ -49,13 +60,14 @@ def film_model(robot: RobotModel, width: int = 640, height: int = 480) -> mujoco
             plane.rgba = [1.0, 1.0, 1.0, 1.0]
     if not len(spec.lights):
         kind = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        spec.worldbody.add_light(type=kind, dir=LIGHT, castshadow=True, diffuse=[0.42] * 3)
+        spec.worldbody.add_light(name=_OWN_LIGHT, type=kind, dir=LIGHT, castshadow=False, diffuse=[0.62] * 3)
         head = spec.visual.headlight
-        head.ambient, head.diffuse, head.specular = [0.42] * 3, [0.26] * 3, [0.1] * 3
+        head.ambient, head.diffuse, head.specular = [0.5] * 3, [0.35] * 3, [0.1] * 3
     visual = spec.visual
     visual.global_.offwidth, visual.global_.offheight = width, height
-    visual.quality.offsamples = 0
-    visual.quality.shadowsize = 1024
+    quality = visual.quality
+    quality.offsamples, quality.numslices, quality.numstacks = 0, _SLICES, _STACKS
+    quality.shadowsize = min(quality.shadowsize, _SHADOW_PIXELS)
     for key in spec.keys:
         key.ctrl = []
     return compile_mjcf(spec, robot.robot.mjcf_path)
@@ -96,7 +108,10 @@ class ReplayModel:
         self.model = film_model(recording.robot, width, height)
         self.data = mujoco.MjData(self.model)
         self._qpos = recording.qpos[:, robot]
-        self._bodies = [self.model.body(recorded.body(i).name).id if recorded.body(i).name else i for i in range(recorded.nbody)]
+        self._bodies = [
+            self.model.body(recorded.body(i).name).id if recorded.body(i).name else i
+            for i in range(recorded.nbody)
+        ]
         self.fixed_camera = _film_camera(self.model)
         base = recording.robot.base
         self._body = int(recorded.jnt_bodyid[base]) if base is not None else _heaviest(recorded)
@@ -158,7 +173,11 @@ def _heaviest(model: mujoco.MjModel) -> int:
 
 def _size(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
     """How far the parts of a body and what it carries reach from its centre, twice."""
-    geoms = [g for g in range(model.ngeom) if int(model.body_rootid[model.geom_bodyid[g]]) == int(model.body_rootid[body])]
+    geoms = [
+        g
+        for g in range(model.ngeom)
+        if int(model.body_rootid[model.geom_bodyid[g]]) == int(model.body_rootid[body])
+    ]
     moving = [g for g in geoms if int(model.geom_bodyid[g]) > 0] or geoms
     if not moving:
         return 1.0
@@ -167,7 +186,7 @@ def _size(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
 
 
 def place_camera(camera: mujoco.MjvCamera, replay: ReplayModel, tick: int) -> None:
-    """Use the MJCF's own camera, or look at the robot from its front right, so that pushes go across the picture."""
+    """Use the MJCF's own camera, or look from the robot's front right, so that pushes go across the picture."""
     if replay.fixed_camera >= 0:
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         camera.fixedcamid = replay.fixed_camera
@@ -175,6 +194,25 @@ def place_camera(camera: mujoco.MjvCamera, replay: ReplayModel, tick: int) -> No
     camera.azimuth, camera.elevation = _AZIMUTH_DEG, _ELEVATION_DEG
     camera.distance = _SIZES_AWAY * replay.size_m
     camera.lookat[:] = replay.centre_m[tick]
+
+
+def _level_ground(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
+    """Height of the highest level plane, for shadows of our own light; None if the MJCF has its own lights."""
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_LIGHT, _OWN_LIGHT) < 0:
+        return None
+    planes = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+    level = [geom for geom in planes if data.geom_xmat[geom, 8] > _LEVEL]
+    return max((float(data.geom_xpos[geom, 2]) for geom in level), default=None)
+
+
+def _shadow_casters(model: mujoco.MjModel, size_m: float) -> frozenset[int]:
+    """The parts that are not too small, not clear and not the ground itself."""
+    opacity = model.geom_rgba[:, 3].copy()
+    made = model.geom_matid >= 0
+    opacity[made] = model.mat_rgba[model.geom_matid[made], 3]
+    endless = np.isin(model.geom_type, (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)))
+    large = model.geom_rbound >= _CASTS_SIZES * size_m
+    return frozenset(map(int, np.flatnonzero((opacity == 1) & ~endless & large)))
 
 
 class CameraScene:
@@ -192,6 +230,8 @@ class CameraScene:
         self._camera = mujoco.MjvCamera()
         mujoco.mjv_defaultFreeCamera(self.replay.model, self._camera)
         self._screen = Screen(self.replay.model, *large)
+        self._ground = _level_ground(self.replay.model, self.replay.data)
+        self._casts = _shadow_casters(self.replay.model, self.replay.size_m)
 
     def picture(self, tick: int, push: PushSpan | None = None) -> Image.Image:
         """The robot after a tick, with the arrow of a push if there is one."""
@@ -200,9 +240,34 @@ class CameraScene:
         self.replay.stand(tick)
         place_camera(self._camera, self.replay, tick)
         self._screen.look(self.replay.data, self._camera)
+        if self._ground is not None:
+            self._add_shadow(self._ground)
         if push is not None:
             add_arrow(self._screen.scene, *self.replay.arrow(push), self.replay.size_m)
         return Image.fromarray(self._screen.draw()).reduce(_FINENESS)
+
+    def _add_shadow(self, ground_m: float) -> None:
+        """The robot's parts once more, pressed flat on the ground along the light, in one dark colour.
+
+        The renderer's own shadows take as long as all the rest.
+        """
+        scene, model = self._screen.scene, self.replay.model
+        solid = mujoco.mjtObj.mjOBJ_GEOM
+        above = np.array([0.0, 0.0, ground_m + _SHADOW_SIZES * self.replay.size_m])
+        for i in range(scene.ngeom):
+            geom = scene.geoms[i]
+            if geom.objtype != solid or geom.objid not in self._casts or scene.ngeom >= scene.maxgeom:
+                continue
+            mesh = geom.type == mujoco.mjtGeom.mjGEOM_MESH
+            kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID if mesh else geom.type
+            size = model.geom_aabb[geom.objid, 3:] if mesh else geom.size
+            place = _FLAT @ (geom.pos - [0.0, 0.0, ground_m]) + above
+            turned = (_FLAT @ np.asarray(geom.mat).reshape(3, 3)).ravel()
+            shadow = scene.geoms[scene.ngeom]
+            mujoco.mjv_initGeom(shadow, kind, size, place, turned, _SHADOW_RGBA)
+            shadow.size[:] = size
+            shadow.specular, shadow.shininess = 0.0, 0.0
+            scene.ngeom += 1
 
     def beside_arrow(self, push: PushSpan) -> tuple[float, float]:
         """Where in the last picture the arrow of a push begins; from the left and from the top, [pixels]."""
