@@ -151,6 +151,7 @@ def _of_share(share: Share) -> dict[str, Any]:
         "survived": share.survived,
         "runs": share.runs,
         "interval": list(share.interval),
+        "means": dict(share.means),
     }
 
 
@@ -160,11 +161,17 @@ def print_found(results: Results, by: Sequence[str] | None = None) -> None:
     if search is None or by is not None:
         shares = results.shares(by)
         rows = (
-            (*share.texts.values(), f"{share.survived} of {share.runs}", _percents(share.interval))
+            (
+                *share.texts.values(),
+                f"{share.survived} of {share.runs}",
+                _percents(share.interval),
+                *("-" if math.isnan(mean) else f"{mean:.4g}" for mean in share.means.values()),
+            )
             for share in shares
         )
-        headings = (*shares[0].texts, ">survived", "95 % interval")
-        print_table(study.name, headings, rows)
+        means = [f">{name}" for name in shares[0].means]
+        title = f"{study.name}{', means of the other measures in SI units' if means else ''}"
+        print_table(title, (*shares[0].texts, ">survived", "95 % interval", *means), rows)
         return
     unit = search.unit
     found = (
@@ -177,7 +184,13 @@ def print_found(results: Results, by: Sequence[str] | None = None) -> None:
         )
         for limit in results.limits()
     )
-    headings = (*study.axes, f">largest {_last(search.field)}", ">survived", "95 % interval", ">fails at")
+    headings = (
+        *study.axes,
+        f">largest {_last(search.field)}",
+        f">{search.condition}",
+        "95 % interval",
+        ">fails at",
+    )
     print_table(f"{study.name}: {search.field}", headings, found)
 
 

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from circuitkit.study.cases import Case
     from circuitkit.study.driver import load_study, run_cases, run_studies, sweep
     from circuitkit.study.jobs import Outcome
-    from circuitkit.study.results import Limit, Results, Share, read_results, wilson_interval
+    from circuitkit.study.results import Limit, Results, Share, wilson_interval
     from circuitkit.study.spec import Cell, Study, make_study, read_study
+    from circuitkit.study.store import read_results
     from circuitkit.study.workers import Workers, open_workers
 
 __all__ = [
@@ -42,8 +43,9 @@ _MODULES = {
     "case_builder": "CaseBuilder",
     "cases": "Case",
     "jobs": "Outcome",
-    "results": "Limit Results Share read_results wilson_interval",
+    "results": "Limit Results Share wilson_interval",
     "spec": "Cell Study make_study read_study",
+    "store": "read_results",
     "workers": "Workers open_workers",
     "driver": "load_study run_cases run_studies sweep",
 }

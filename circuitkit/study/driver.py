@@ -16,9 +16,11 @@ from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case
 from circuitkit.study.jobs import Job, Outcome, run_job
-from circuitkit.study.results import Results, row_of
+from circuitkit.study.results import Results
+from circuitkit.study.rows import row_of
 from circuitkit.study.scheduler import CasesByCell, Progress, Task, boundary_of, drive
 from circuitkit.study.spec import Settings, Study, read_study
+from circuitkit.study.store import Store
 from circuitkit.study.workers import Workers, open_workers
 
 
@@ -65,8 +67,6 @@ def sweep(
         OutputError: The results cannot be written.
         KeyboardInterrupt: Ctrl-C came; says what is kept.
     """
-    from circuitkit.study.store import Store
-
     store = Store(Path(folder))
     cases = CasesByCell(study)
     known = store.begin(study, cases.inputs(), resume=resume)

@@ -17,8 +17,8 @@ from circuitkit.simulation.loop import run_and_watch
 from circuitkit.simulation.measures import Value
 from circuitkit.simulation.plan import Body
 from circuitkit.study.cases import Case
+from circuitkit.study.spec import RMS
 
-RMS = "rms_"  # what the columns of commands begin with
 _KEPT_BODIES = 16  # robots with their motions that a worker keeps
 
 

@@ -33,12 +33,13 @@ def study(tmp_path):
 def test_shares_are_printed_with_their_interval(circuitkit, study):
     done = circuitkit("sweep", study, "-o", "out", "--workers", "1")
     assert done.code == 0
-    lines = [line.split() for line in done.out.splitlines() if "ward" in line]
+    lines = [line.split()[:8] for line in done.out.splitlines() if "ward" in line]
     # 20 N: 2 of 2 inward, none outward; z^2 = 3.84, so 2/(2 + 3.84) = 34 % and the rest to 66 %
     assert lines == [
         ["inward", "2", "of", "2", "34", "to", "100", "%"],
         ["outward", "0", "of", "2", "0", "to", "66", "%"],
     ]
+    assert all(name in done.out for name in ("time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s"))
     assert done.err == "wrote out/results.parquet: 4 runs\n"
     again = circuitkit("sweep", study, "-o", "out", "--workers", "1")
     assert again.code == 3
@@ -46,6 +47,9 @@ def test_shares_are_printed_with_their_interval(circuitkit, study):
     printed = circuitkit("sweep", study, "-o", "out", "--resume", "--json", "--workers", "1")
     data = json.loads(printed.out)
     assert data["results"] == "out/results.parquet"
+    inward, outward = (share["means"] for share in data["shares"])
+    assert inward["time_of_fall_s"] is None  # nobody fell
+    assert outward["time_of_fall_s"] < 2.35
     assert [(share["labels"], share["survived"]) for share in data["shares"]] == [
         ({"push.direction": "inward"}, 2),
         ({"push.direction": "outward"}, 0),

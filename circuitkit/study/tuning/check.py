@@ -9,7 +9,8 @@ from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.source import Place
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case
-from circuitkit.study.jobs import RMS, plan_of
+from circuitkit.study.jobs import plan_of
+from circuitkit.study.spec import RMS
 from circuitkit.study.tuning.objective import LIMIT
 from circuitkit.study.tuning.runs import Condition, Runs
 from circuitkit.study.tuning.spec import Tuning
