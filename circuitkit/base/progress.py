@@ -41,7 +41,7 @@ def progress_bar(label: str, total: float | None = None, *, shown: bool = True) 
         yield None
         return
     from rich.console import Console  # takes a tenth of a second to load
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # the same
 
     words, percent = TextColumn("{task.description}"), TextColumn("{task.percentage:3.0f} %")
     columns = (words, BarColumn(), percent, TimeRemainingColumn())

@@ -21,8 +21,8 @@ def arrow() -> Any:  # noqa: ANN401 - a module that ships no types
         MissingDependencyError: It is not installed.
     """
     try:
-        import pyarrow
-        import pyarrow.parquet
+        import pyarrow  # an extra
+        import pyarrow.parquet  # the same
     except ImportError as error:
         package, extra = "pyarrow", "study"
         raise MissingDependencyError(package, extra, "writing the results of a sweep") from error

@@ -198,7 +198,7 @@ def _dask(address: str) -> Iterator[Workers]:
 
 def _client(address: str) -> Any:  # noqa: ANN401 - distributed is not typed
     try:
-        from distributed import Client
+        from distributed import Client  # an extra
     except ImportError as error:
         package, extra = "distributed", "cluster"
         raise MissingDependencyError(package, extra, "a sweep on a Dask scheduler") from error

@@ -1,4 +1,4 @@
-"""Studies and tunings of robots that do not walk: their own measures judge, fill the table and are searched."""
+"""Studies and tunings of robots that do not walk: their own measures judge, fill tables and are searched."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_the_search_goes_on_while_a_measure_of_ones_own_holds(tmp_path):
         for force in (0.0, 5.0, 10.0, 15.0, 20.0)
     }
     first = next(force for force, all_near in held.items() if not all_near)
-    assert 0.0 < first
+    assert first > 0.0
     assert (limit.largest, limit.fails_at) == (first - 5.0, first)
 
 

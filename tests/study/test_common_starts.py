@@ -1,4 +1,4 @@
-"""Robots that start alike are simulated once until something befalls one of them: the same to the last bit."""
+"""Robots that start alike are simulated once until something befalls one of them: to the same last bit."""
 
 from __future__ import annotations
 

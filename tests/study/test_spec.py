@@ -310,7 +310,7 @@ def test_every_wrong_field_is_told_where_the_study_has_it(tmp_path):
         (["set: {duration.at: 3 N}"], "4:7: duration.at: duration has no fields"),
         (
             ["set: {push.start.stp: 4}"],
-            "4:23: push.start.stp: found stp 4; allowed: a time such as 5 s, or {step: 8, ",
+            "4:23: push.start.stp: unknown key 'stp'; allowed: at, phase, step; did you mean 'step'?",
         ),
         (
             ["set: {push.start.step: 40}"],

@@ -204,7 +204,7 @@ def run_search(
 
 def _open(search: Search, storage: str, folder: Path | None, *, resume: bool) -> optuna.Study:
     """The study in its storage, new or to be resumed."""
-    from sqlalchemy.exc import SQLAlchemyError
+    from sqlalchemy.exc import SQLAlchemyError  # comes with Optuna
 
     other = "storage" if folder is None else "folder"
     direction: Literal["maximize", "minimize"] = "maximize" if search.maximise else "minimize"
