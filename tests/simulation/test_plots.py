@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from PIL import Image
 from small_robots import CART, CART_FILE, PUCK, PUCK_FILE, Told, run, small_robot
 
@@ -138,8 +139,7 @@ def test_the_way_of_what_moves_is_drawn_from_above(puck, cart):
     x, y = figure.axes[0].lines[0].get_data()
     assert y[-1] / x[-1] == pytest.approx(np.tan(np.radians(30)), rel=1e-6)
     assert path_figure([result_of(puck)]) is None
-    on_rails = path_figure([result_of(cart, Told(force=8.0))])
-    assert not on_rails.axes[0].lines[0].get_ydata().any()
+    assert path_figure([result_of(cart, Told(force=8.0))]) is None  # on rails it goes nowhere else
 
 
 def test_a_comparison_has_a_curve_for_every_controller(cart):
@@ -149,7 +149,8 @@ def test_a_comparison_has_a_curve_for_every_controller(cart):
     assert axes.get_ylabel() == "place [mm]"
     for line, result in zip(axes.lines, results, strict=True):
         np.testing.assert_allclose(line.get_ydata(), result.recording.channel("place")[:, 0] * 1e3)
-    assert figure.get_suptitle() == "small: told: ran to the end; told: ran to the end"
+    words = [text.get_text() for text in figure.findobj(Text)]
+    assert any("told: ran to the end; told: ran to the end" in each for each in words)
 
 
 def test_a_shorter_run_ends_its_curve_earlier(cart):
