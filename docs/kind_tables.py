@@ -22,6 +22,7 @@ from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import scenario_class
 
 DOCS = Path(__file__).parent
+_WIDTH = 110
 _PLACE = re.compile(r"(<!-- (\w+): written by docs/kind_tables\.py -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -58,6 +59,15 @@ def _shipped_controllers() -> str:
     return _table(("file", "what it is"), rows)
 
 
+def _parts() -> str:
+    lines = [""]
+    for each in PARTS_OF_MJCF.values():
+        if len(lines[-1]) + len(each.usage) > _WIDTH:
+            lines.append("")
+        lines[-1] += f"{each.usage}   "
+    return "\n".join(["```text", *(line.rstrip() for line in lines), "```"])
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "scenario": lambda: _table(("key", "what it says"), _keys(scenario_class())),
     "references": lambda: _kinds(REFERENCES.kinds),
@@ -68,7 +78,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "measures": lambda: _with_keys(MEASURES.kinds),
     "controller_files": _shipped_controllers,
     "controllers": lambda: _with_keys(KINDS.kinds, ("controller", "description")),
-    "parts": lambda: ", ".join(f"`{each.usage}`" for each in PARTS_OF_MJCF.values()),
+    "parts": _parts,
 }
 
 
