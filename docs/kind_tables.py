@@ -15,7 +15,9 @@ from pydantic import BaseModel
 from circuitkit.base.catalogue import catalogue
 from circuitkit.base.files import write_text
 from circuitkit.control.spec import KINDS
+from circuitkit.robots import Robot
 from circuitkit.robots.parts import REFERENCES as PARTS_OF_MJCF
+from circuitkit.robots.spec import blocks
 from circuitkit.simulation.disturbance import DISTURBANCES
 from circuitkit.simulation.measures import MEASURES, REDUCTIONS
 from circuitkit.simulation.reference import REFERENCES
@@ -79,6 +81,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "controller_files": _shipped_controllers,
     "controllers": lambda: _with_keys(KINDS.kinds, ("controller", "description")),
     "parts": _parts,
+    "robot_blocks": lambda: _with_keys(blocks.kinds),
+    "robot_file": lambda: _table(("key", "what it says"), _keys(Robot)),
 }
 
 
