@@ -15,13 +15,16 @@ from pydantic import BaseModel
 from circuitkit.base.catalogue import catalogue
 from circuitkit.base.files import write_text
 from circuitkit.control.spec import KINDS
+from circuitkit.robots import Robot
 from circuitkit.robots.parts import REFERENCES as PARTS_OF_MJCF
+from circuitkit.robots.spec import blocks
 from circuitkit.simulation.disturbance import DISTURBANCES
 from circuitkit.simulation.measures import MEASURES, REDUCTIONS
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import scenario_class
 
 DOCS = Path(__file__).parent
+_WIDTH = 110
 _PLACE = re.compile(r"(<!-- (\w+): written by docs/kind_tables\.py -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -58,6 +61,15 @@ def _shipped_controllers() -> str:
     return _table(("file", "what it is"), rows)
 
 
+def _parts() -> str:
+    lines = [""]
+    for each in PARTS_OF_MJCF.values():
+        if len(lines[-1]) + len(each.usage) > _WIDTH:
+            lines.append("")
+        lines[-1] += f"{each.usage}   "
+    return "\n".join(["```text", *(line.rstrip() for line in lines), "```"])
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "scenario": lambda: _table(("key", "what it says"), _keys(scenario_class())),
     "references": lambda: _kinds(REFERENCES.kinds),
@@ -68,7 +80,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "measures": lambda: _with_keys(MEASURES.kinds),
     "controller_files": _shipped_controllers,
     "controllers": lambda: _with_keys(KINDS.kinds, ("controller", "description")),
-    "parts": lambda: ", ".join(f"`{each.usage}`" for each in PARTS_OF_MJCF.values()),
+    "parts": _parts,
+    "robot_blocks": lambda: _with_keys(blocks.kinds),
+    "robot_file": lambda: _table(("key", "what it says"), _keys(Robot)),
 }
 
 

@@ -1,4 +1,4 @@
-"""Makes the pictures of robots that the README shows: two that are pushed, moving, and a still of each that ships.
+"""Makes the README's pictures of robots: two that are pushed, moving, and a still of each that ships.
 
 `python docs/moving_picture.py` writes them; docs/generate.py does so, too. It needs the extra `video`.
 """
@@ -58,8 +58,8 @@ def write_moving_picture() -> None:
     with replacing(IMAGES / "moving.webp") as part:
         lasts_ms = 1000 * EVERY // FRAMES_PER_S
         first.save(
-            part, format="WEBP", save_all=True, append_images=rest, duration=lasts_ms, loop=0, quality=QUALITY,
-            method=6,
+            part, format="WEBP", save_all=True, append_images=rest, duration=lasts_ms, loop=0,
+            quality=QUALITY, method=6,
         )  # fmt: skip
 
 

@@ -70,7 +70,7 @@ COMMANDS: Mapping[str, tuple[str, Mapping[str, float]]] = {
 
 
 class BipedBlock(BipedSpec):
-    """Torso, feet and legs of a robot that walks on two legs."""
+    """Says which parts of an MJCF are torso, feet and legs of a robot that walks on two legs."""
 
     kind: ClassVar[str] = "biped"
 

@@ -121,18 +121,20 @@ class LegJoint(FileModel):
 
 
 class BipedSpec(BlockSpec):
-    """Torso, feet and legs of a robot that walks on two legs."""
+    """Says which parts of an MJCF are torso, feet and legs of a robot that walks on two legs."""
 
     torso: str = Field(description="Body that hangs from a free joint and carries everything.")
     imu: str | None = Field(
         default=None, description="Site of the inertial measurement unit; the torso's origin if not given."
     )
-    feet: Feet
-    legs: Legs = Legs()
+    feet: Feet = Field(description="For left and right: body, sole, cells.")
+    legs: Legs = Field(default=Legs(), description="Lengths of the legs; what is not given is measured in the MJCF.")
     joints: Mapping[str, str | LegJoint] = Field(
         description="The MJCF's joint by role; {joint: NAME, sign: -1} where it turns the other way."
     )
-    force_cells: ForceCells = ForceCells(range=(0.0, 1e6))
+    force_cells: ForceCells = Field(
+        default=ForceCells(range=(0.0, 1e6)), description="The range of the force cells, to which readings are clipped."
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> BipedSpec:

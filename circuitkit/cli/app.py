@@ -29,7 +29,9 @@ for _found in pkgutil.iter_modules(cli.__path__):  # every module with `register
         if hasattr(_module, "register"):
             _module.register(app)
 
-COMMANDS = tuple(command.callback.__name__ for command in app.registered_commands if command.callback)
+COMMANDS = tuple(
+    command.name or command.callback.__name__ for command in app.registered_commands if command.callback
+)
 
 
 def _print_version(wanted: bool) -> None:
