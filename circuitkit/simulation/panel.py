@@ -57,9 +57,8 @@ class Panel:
         names = (*recording.observation_names, *recording.command_names)
         values = np.concatenate([recording.observations[:, robot], recording.commands[:, robot]], axis=1)
         self._shown = dict(zip(names, values.T, strict=True))
-        declared = {**recording.robot.channel_units, **recording.robot.command_units}
-        self._units = {name: shown_unit(each, declared[name]) for name, each in self._shown.items()}
         units = channels_of_interest([result])
+        self._units = {name: shown_unit(self._shown[name], units[name]) for name in names if name in units}
         chosen = [*recording.observation_names[: _MOST_ROWS - 1], *recording.command_names[:1]]
         chosen += [name for name in units if name not in chosen]
         self._rows = [
@@ -75,7 +74,7 @@ class Panel:
         half = self._lit.width / 2 if self._lit is not None else 0.0
         places = {}
         for right in (False, True):  # inputs stand on the left, outputs on the right
-            side = [name for name, box in boxes.items() if (box[0] > half) == right and name in self._shown]
+            side = [name for name, box in boxes.items() if (box[0] > half) == right and name in self._units]
             side.sort(key=lambda name: boxes[name][1])
             if any(boxes[b][1] - boxes[a][3] < _SMALL_TEXT * _FINE for a, b in pairwise(side)):
                 continue
