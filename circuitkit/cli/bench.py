@@ -13,6 +13,8 @@ from circuitkit.cli.printing import examples, note, print_json, print_table
 if TYPE_CHECKING:
     from circuitkit.study.bench import Row
 
+PLACE = 60
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -39,7 +41,7 @@ def bench(
     repository, not in the installed package.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy reads it when it is imported, which is later
-    from dataclasses import asdict
+    from dataclasses import asdict  # here, for the start-up: see app.py
 
     from circuitkit.study.bench import measure, select, shipped_cases
 

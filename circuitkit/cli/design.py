@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _OF_A_PUSH = 2  # of force, duration and w; eq. 21 gives the third
 _TEXT_WIDTH = 110  # of the notes below the tables
 
+PLACE = 51
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -100,7 +102,7 @@ def design(
     if len(given) != _OF_A_PUSH:
         message = f"found {', '.join(given) or 'none of them'}; allowed: two of {', '.join(pair)}"
         raise typer.BadParameter(message)
-    from circuitkit.paper.design_sheet import Reach, make_sheet
+    from circuitkit.paper.design_sheet import Reach, make_sheet  # here, for the start-up: see app.py
 
     if output is not None:
         from circuitkit.draw.style import PICTURES, require_suffix

@@ -38,7 +38,7 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str
         headings: One for each column; a heading that starts with `>` makes the column flush right.
         rows: One text for each column.
     """
-    from rich import box
+    from rich import box  # here, for the start-up: see app.py
     from rich.console import Console
     from rich.table import Table
 

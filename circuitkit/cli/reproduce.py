@@ -12,6 +12,8 @@ from circuitkit.cli.printing import examples, note, print_json, print_table
 if TYPE_CHECKING:
     from circuitkit.paper.reproduce.finding import Claim
 
+PLACE = 50
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -55,7 +57,7 @@ def reproduce(
     Writes report.html, which carries its pictures, and report.md. A call that was stopped goes on where it
     was when it is given again.
     """
-    from dataclasses import asdict
+    from dataclasses import asdict  # here, for the start-up: see app.py
 
     if output.exists() and not output.is_dir():
         message = f"'{output}' is no folder"

@@ -24,6 +24,9 @@ class Precision(Enum):
     FLOAT32 = "float32"
 
 
+PLACE = 25
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
@@ -106,7 +109,7 @@ def run(
     constants = named_values(values, "--input", "zmp_y=70mm")
     if realtime is not None:
         _require_nothing_else(steps=steps, record=record, output=output)
-        from circuitkit.cli.realtime import run_realtime
+        from circuitkit.cli._realtime import run_realtime  # here, for the start-up: see app.py
 
         run_realtime(
             read_graph(file, settings),

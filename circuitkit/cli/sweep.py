@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _MINUTE_S, _HOUR_S = 60.0, 3600.0
 
+PLACE = 40
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -85,7 +87,7 @@ def sweep(
     if output is None and not dry_run:
         message = "name a folder for the results: -o DIR"
         raise typer.BadParameter(message, param_hint="--output")
-    from circuitkit.study import load_study
+    from circuitkit.study import load_study  # here, for the start-up: see app.py
 
     loaded = load_study(study)
     if seeds is not None:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from circuitkit.study.tuning.run import Tuned
     from circuitkit.study.tuning.spec import Tuning
 
+PLACE = 41
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -80,7 +82,7 @@ def tune(
     Candidates are compared by training runs; the best one is then measured once, by test runs on other seeds.
     Ctrl-C keeps what is known and writes the best so far.
     """
-    from circuitkit.study.tuning.run import tune as run_tuning
+    from circuitkit.study.tuning.run import tune as run_tuning  # here, for the start-up: see app.py
     from circuitkit.study.tuning.spec import load_tuning
 
     tuning = load_tuning(study)

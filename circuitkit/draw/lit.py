@@ -50,7 +50,8 @@ class LitNetwork:
     """A circuit's picture, of a size, whose neurons and lines are the stronger the more active a neuron is.
 
     Attributes:
-        boxes: Middle and lower edge of each input and output in the picture, [pixels].
+        boxes: Left, upper, right and lower edge of each input and output in the picture, [pixels].
+        width: Of the picture, [pixels].
         members: The member names of each population.
     """
 
@@ -70,10 +71,11 @@ class LitNetwork:
         self._words = words.reshape(-1, 1)[self._written]
         ends = [node for node in network.nodes if node.role in {"input", "output"}]
         artists = {artist.get_gid(): artist for artist in figure.axes[0].patches}
+        height, self.width = self._still.shape[:2]
         self.boxes = {}
         for node in ends:
             box = artists[node_id(node.name)].get_window_extent()
-            self.boxes[node.name] = ((box.x0 + box.x1) / 2, self._still.shape[0] - box.y0)
+            self.boxes[node.name] = (box.x0, height - box.y1, box.x1, height - box.y0)
 
     def picture(self, activity: Mapping[str, float]) -> Image:
         """The picture under some activity by neuron; 1 is full. Shape (height, width, 3)."""

@@ -1,4 +1,4 @@
-"""Films of recordings: the robot, pushes as arrows, the circuit with its active neurons, channels; one run or several."""
+"""Films of recordings: the robot, pushes as arrows, the circuit with its active neurons, and channels."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from circuitkit.base.errors import InputError, MissingDependencyError, Problem
 from circuitkit.base.progress import progress_bar
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Controller
-from circuitkit.robots import Robot
+from circuitkit.robots import Robot, load_robot
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import Setup, run_loop
 from circuitkit.simulation.plan import CIRCUIT, Plan, make_plan
@@ -117,7 +117,10 @@ def compare(
 
 def _loaded(scenario: Scenario | str | Path, robot: Robot | str | Path | None) -> Scenario:
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    return loaded if robot is None else loaded.model_copy(update={"robot": robot})
+    if robot is None:
+        return loaded
+    given = robot if isinstance(robot, Robot) else load_robot(robot)
+    return loaded.model_copy(update={"robot": given})
 
 
 def _folder_names(names: Sequence[str]) -> list[str]:

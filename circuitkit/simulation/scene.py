@@ -37,6 +37,7 @@ _FINENESS = 2  # drawn so much larger and then reduced: smoother and faster than
 _AZIMUTH_DEG, _ELEVATION_DEG = 148.0, -12.0  # from the robot's front right
 _SIZES_AWAY = 1.75  # the camera is so many sizes of the robot away
 _ARROW_SIZES = 0.45  # a push's arrow, in sizes of the robot
+_ARROW_SHARE = 0.25  # and at most so much of the height of the picture
 _FAR_SIZES = 6.0
 _SUNK = 0.15  # of the height at the start: lower than this the robot is not shown any more
 
@@ -99,6 +100,7 @@ class ReplayModel:
         data: Its pose.
         centre_m: Where it is by and large, for a camera to follow; shape (T, 3).
         size_m: How large it is.
+        arrow_m: How long the arrow of a push is.
         fixed_camera: Number of the MJCF's camera that films; -1 if one follows.
     """
 
@@ -120,13 +122,14 @@ class ReplayModel:
         path = self._path()
         self.centre_m = _followed(path, round(_FOLLOW_S / recording.step_s))
         self._height = path[:, 2] - _ground(recorded)
+        self.arrow_m = self._arrow_length()
 
     def stand(self, tick: int) -> None:
         """Take the pose after a tick."""
         self.data.qpos[:] = self._qpos[tick]
         mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)  # which cameras follow
         mujoco.mj_camlight(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_tendon(self.model, self.data)
 
     def last_above_ground(self, tick: int) -> int:
@@ -150,7 +153,15 @@ class ReplayModel:
         hit = np.zeros(1, dtype=np.int32)
         away = mujoco.mj_ray(self.model, self.data, start, direction, None, 0, -1, hit)
         tip: Array = start + (away if 0 <= away <= far else far) * direction
-        return tip - _ARROW_SIZES * self.size_m * direction, tip
+        return tip - self.arrow_m * direction, tip
+
+    def _arrow_length(self) -> float:
+        """As it suits the robot's size, and what the MJCF's camera sees of its surroundings."""
+        if self.fixed_camera < 0:
+            return _ARROW_SIZES * self.size_m
+        half_angle = np.radians(self.model.cam_fovy[self.fixed_camera]) / 2
+        away = np.linalg.norm(self.data.cam_xpos[self.fixed_camera] - self.data.xipos[self._body])
+        return float(min(_ARROW_SIZES * self.size_m, _ARROW_SHARE * 2 * away * np.tan(half_angle)))
 
 
 def _ground(model: mujoco.MjModel) -> float:
@@ -161,8 +172,13 @@ def _ground(model: mujoco.MjModel) -> float:
 
 
 def _film_camera(model: mujoco.MjModel) -> int:
+    """The camera that is made for films, else the first one that looks at the robot, not out of its eyes."""
     names = [model.camera(i).name for i in range(model.ncam)]
-    return names.index(FILM_CAMERA) if FILM_CAMERA in names else min(len(names), 1) - 1
+    if FILM_CAMERA in names:
+        return names.index(FILM_CAMERA)
+    fixed = int(mujoco.mjtCamLight.mjCAMLIGHT_FIXED)
+    outside = (model.cam_mode != fixed) | (model.body_weldid[model.cam_bodyid] == 0)
+    return int(np.argmax(outside)) if outside.any() else -1
 
 
 def _heaviest(model: mujoco.MjModel) -> int:
@@ -186,7 +202,7 @@ def _size(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
 
 
 def place_camera(camera: mujoco.MjvCamera, replay: ReplayModel, tick: int) -> None:
-    """Use the MJCF's own camera, or look from the robot's front right, so that pushes go across the picture."""
+    """Use the MJCF's own camera, or look from the front right, so that pushes go across the picture."""
     if replay.fixed_camera >= 0:
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         camera.fixedcamid = replay.fixed_camera
@@ -197,7 +213,7 @@ def place_camera(camera: mujoco.MjvCamera, replay: ReplayModel, tick: int) -> No
 
 
 def _level_ground(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
-    """Height of the highest level plane, for shadows of our own light; None if the MJCF has its own lights."""
+    """Height of the highest level plane, for shadows of our own light; None if the MJCF has its own."""
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_LIGHT, _OWN_LIGHT) < 0:
         return None
     planes = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
@@ -243,7 +259,7 @@ class CameraScene:
         if self._ground is not None:
             self._add_shadow(self._ground)
         if push is not None:
-            add_arrow(self._screen.scene, *self.replay.arrow(push), self.replay.size_m)
+            add_arrow(self._screen.scene, *self.replay.arrow(push))
         return Image.fromarray(self._screen.draw()).reduce(_FINENESS)
 
     def _add_shadow(self, ground_m: float) -> None:
@@ -284,13 +300,14 @@ class CameraScene:
         self._screen.close()
 
 
-def add_arrow(scene: mujoco.MjvScene, tail: Array, tip: Array, size_m: float = 0.6) -> None:
-    """Add an arrow to a scene, as thick as it suits a robot of a size.
+def add_arrow(scene: mujoco.MjvScene, tail: Array, tip: Array) -> None:
+    """Add an arrow to a scene, as thick as it suits its length.
 
     Of cylinders, for MuJoCo 4.0 draws its own arrows half as long as they are.
     """
-    shaft, wide, head, rings = 0.018 * size_m, 0.05 * size_m, 0.1 * size_m, 14
-    direction = (tip - tail) / np.linalg.norm(tip - tail)
+    length = float(np.linalg.norm(tip - tail))
+    shaft, wide, head, rings = 0.04 * length, 0.11 * length, 0.22 * length, 14
+    direction = (tip - tail) / length
     neck = tip - head * direction
     if np.dot(neck - tail, direction) > 0:
         _add_cylinder(scene, tail, neck, shaft)

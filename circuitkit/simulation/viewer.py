@@ -82,7 +82,7 @@ def replay(
             window.user_scn.ngeom = 0
             for push in summary.pushes:
                 if push.shown_at(time_s):
-                    add_arrow(window.user_scn, *replayed.arrow(push), replayed.size_m)
+                    add_arrow(window.user_scn, *replayed.arrow(push))
         window.sync()
         sleep(1.0 / _PICTURES_PER_S)
 

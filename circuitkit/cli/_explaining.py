@@ -23,7 +23,7 @@ def show_neuron(graph: CircuitGraph, name: str, picture: Path | None, *, as_json
     neuron = node if isinstance(node, Neuron) else member(node, told.index or 0)
     curve = response(neuron, *span([neuron]))
     if picture is not None:
-        from circuitkit.draw import draw_activations
+        from circuitkit.draw import draw_activations  # here, for the start-up: see app.py
 
         alone = replace(neuron, name=name)
         draw_activations(
