@@ -54,7 +54,9 @@ class ControllerSpec(FileModel):
         return {}
 
 
-KINDS: Registry[ControllerSpec] = Registry("controllers", ControllerSpec, "circuitkit.control")
+KINDS: Registry[ControllerSpec] = Registry(
+    "controllers", ControllerSpec, "circuitkit.control"  # type: ignore[type-abstract]  # its kinds are concrete
+)
 
 
 class _Kind(FileModel):

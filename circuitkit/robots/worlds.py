@@ -37,7 +37,7 @@ def substeps_of(robot: RobotModel, step_s: float) -> int:
             f"in the robot file"
         )
         raise InputError(Problem("", 0, 0, "control_step", message))
-    return round(count)
+    return int(round(count))
 
 
 def _fitting(step_s: float, count: float) -> float:
@@ -116,7 +116,8 @@ class Worlds:
 
     def start_state(self) -> Array:
         """The state of every world now, right after `begin`; for `restart`. Shape (B, n)."""
-        return self.physics.state.copy()
+        state: Array = self.physics.state.copy()
+        return state
 
     def restart(self, robots: NDArray[np.int64], start: Array) -> None:
         """Put some robots back to their start, while the others go on; each then is at a tick of its own.

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel, describe, unfilled
 from circuitkit.base.source.fields import Seconds
-from circuitkit.base.units import UnitError, parse_quantity
+from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel, Worlds
 from circuitkit.simulation.reference import Moment, Reference

@@ -180,7 +180,8 @@ class _CommonStarts:
 
     @property
     def _following(self) -> NDArray[np.bool_]:
-        return self._leaders != np.arange(len(self._leaders))
+        following: NDArray[np.bool_] = self._leaders != np.arange(len(self._leaders))
+        return following
 
     def part(self, tick: int) -> None:
         """Before a tick: let those go on by themselves whom something befalls in it."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from circuitkit.base.units import Dimension
 from circuitkit.circuit.expressions.dimensions import (
@@ -41,12 +42,14 @@ def _same(dimension: OpenDimension | None) -> OpenDimension | None:
 
 
 def _mean_so_far(x: Array, _: float) -> Array:
-    return np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0)
+    mean: Array = np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0)
+    return mean
 
 
-def _holds(x: Array) -> Array:
+def _holds(x: Array) -> NDArray[np.bool_]:
     """Where a condition holds: what is outside a window, not a number, does not."""
-    return (x != 0) & ~np.isnan(x)
+    holds: NDArray[np.bool_] = (x != 0) & ~np.isnan(x)
+    return holds
 
 
 def _last_so_far(x: Array, _: float) -> Array:
