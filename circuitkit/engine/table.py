@@ -186,7 +186,7 @@ def _run(
     inputs: FloatArray,
     names: Sequence[str] | None,
     seed: int,
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], object] | None,
 ) -> list[Column]:
     """Return the columns of neurons, outputs and states."""
     state = program.initial_state(seed=seed)
