@@ -17,7 +17,16 @@ from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.biped.view import BipedView
 from circuitkit.control import Interface
 from circuitkit.robots import RobotModel, Worlds, build_model, load_robot
-from circuitkit.simulation import Disturbance, Motion, Plan, Recording, RunSpec, Scenario, load_scenario, make_plan
+from circuitkit.simulation import (
+    Disturbance,
+    Motion,
+    Plan,
+    Recording,
+    RunSpec,
+    Scenario,
+    load_scenario,
+    make_plan,
+)
 from circuitkit.simulation.disturbances.fault import Fault
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.loop import run_loop

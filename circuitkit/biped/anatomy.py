@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.biped.gait import SIDES
-from circuitkit.biped.spec import BipedSpec, CORNERS, Foot, LegJoint, Legs, Sole
+from circuitkit.biped.spec import CORNERS, BipedSpec, Foot, LegJoint, Legs, Sole
 from circuitkit.robots import RobotModel
 
 Array = NDArray[np.float64]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.biped.gait import Walk
+from circuitkit.biped.kinematics import legs_of
 from circuitkit.biped.robot import BipedBody
 
 Array = NDArray[np.float64]
@@ -104,7 +105,7 @@ def generalised_positions(robot: BipedBody, walk: Walk) -> Array:
     if robot.leg_offset.any():
         angles += robot.leg_offset
     positions[:, robot.qpos_index[robot.leg_servo]] = angles
-    return robot.kinematics.corrected(positions, walk)
+    return legs_of(robot).corrected(positions, walk)
 
 
 def joint_targets(robot: BipedBody, walk: Walk) -> Array:

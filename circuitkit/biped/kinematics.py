@@ -8,7 +8,7 @@ of the equations are a first guess, and Newton's method finds those of the legs 
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import SimulationError
 from circuitkit.biped.gait import SIDES, Walk
-
-if TYPE_CHECKING:
-    from circuitkit.biped.robot import BipedBody
+from circuitkit.biped.robot import BipedBody
 
 Array = NDArray[np.float64]
 
@@ -27,6 +25,12 @@ _CLOSE_M, _CLOSE_RAD = 2e-3, 0.02
 _ROUNDS = 12
 _FREE = 1e-3  # weight of a direction that the leg has no joint for
 _BEYOND_RAD = 0.03  # so far past a joint's stop is still nothing
+
+
+@lru_cache(maxsize=8)
+def legs_of(robot: BipedBody) -> LegKinematics:
+    """The legs of a compiled biped; made once for each."""
+    return LegKinematics(robot)
 
 
 class LegKinematics:

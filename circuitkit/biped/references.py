@@ -19,6 +19,7 @@ from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait
 from circuitkit.biped.gait.pattern import plan_stand
 from circuitkit.biped.gait.schedule import Schedule, plan_steps
 from circuitkit.biped.gait.spec import FOLDER, Lift, Window, ZmpReference
+from circuitkit.biped.kinematics import legs_of
 from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel
@@ -92,10 +93,10 @@ class GaitReference(Reference):
             raise InputError(Problem("", 0, 0, "control_step", message))
         body = biped_of(robot)
         dynamics = BodyDynamics(body)
-        walk, found = plan_walk(
+        walk, targets = plan_walk(
             self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
         )
-        return _motion(robot, body, walk, found)
+        return _motion(robot, body, walk, targets)
 
 
 class StandSpec(FileModel):
@@ -149,7 +150,7 @@ class StandReference(Reference):
 def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) -> Array:
     """Torque and angle of every servo along a walk, side by side; shape (T, 2 n)."""
     positions = generalised_positions(body, walk)
-    body.kinematics.check_stops(positions)
+    legs_of(body).check_stops(positions)
     return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
 
 

@@ -15,7 +15,6 @@ from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.anatomy import ground_below, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
-from circuitkit.biped.kinematics import LegKinematics
 from circuitkit.biped.sensing import Array, SensorLayout, channels
 from circuitkit.biped.spec import BipedSpec
 from circuitkit.biped.view import BipedView
@@ -251,11 +250,6 @@ class BipedBody:
         """Sensors of several numbers, as columns of `sensordata`: noise in them is noise in all channels of them."""
         places = {"com": self.layout.com, "com_velocity": self.layout.com_velocity}
         return {name: range(place.start, place.stop) for name, place in places.items()}
-
-    @cached_property
-    def kinematics(self) -> LegKinematics:
-        """Where the MJCF's own legs put the feet."""
-        return LegKinematics(self)
 
     @cached_property
     def origin_m(self) -> Array:

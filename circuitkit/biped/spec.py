@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import Metres, Newtons, Radians
-from circuitkit.biped.gait import LEG_JOINTS, SIDES, LegGeometry
+from circuitkit.biped.gait import LEG_JOINTS, LegGeometry
 from circuitkit.robots.spec import BlockSpec
 
 _OPTIONAL = frozenset({"left_ankle_roll", "right_ankle_roll"})

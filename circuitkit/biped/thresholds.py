@@ -108,7 +108,7 @@ class ThresholdMeasure(BoundMeasure):
         lines_m: Shape (3, 2): left foot, right foot, both; right edge, left edge.
     """
 
-    units: ClassVar[Mapping[str, Unit]] = {EXCURSION: parse_unit("m"), RECOVERY: parse_unit("s")}
+    units: Mapping[str, Unit] = {EXCURSION: parse_unit("m"), RECOVERY: parse_unit("s")}
 
     def __init__(self, channel: str, lines_m: Array) -> None:
         """Name the channel and its lines."""
@@ -122,7 +122,7 @@ class ThresholdMeasure(BoundMeasure):
         The excursion is 0 if it never was outside. Recovery is from the first time outside to being back
         inside for at least a whole step; None if it never was outside, or never came back.
         """
-        low, high = self.bounds(self.channel, track.values)
+        low, high = self._lines(track.values)
         zmp, dt = track.values(self.channel), track.step_s
         begin = 0 if np.isnan(track.push_s) else round(track.push_s / dt)
         inside = slice(begin, track.before_end)
@@ -139,8 +139,9 @@ class ThresholdMeasure(BoundMeasure):
 
     def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:
         """The lines of who carries, tick by tick; shape (T,) each."""
-        if channel != self.channel:
-            return None
+        return self._lines(values) if channel == self.channel else None
+
+    def _lines(self, values: Callable[[str], Array]) -> tuple[Array, Array]:
         lines = self.lines_m[self.support(values)]
         return lines[..., 0], lines[..., 1]
 

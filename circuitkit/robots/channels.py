@@ -95,7 +95,8 @@ def pick(channels: Mapping[str, Channel], names: Iterable[str]) -> list[Channel]
     chosen = []
     for name in names:
         if name not in channels:
-            raise UnknownNameError("channel", name, channels)
+            kind = "channel"
+            raise UnknownNameError(kind, name, channels)
         chosen.append(channels[name])
     return chosen
 

@@ -212,7 +212,7 @@ def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepa
     for kind, block in robot.given_blocks.items():
         try:
             found[kind] = block.prepare(mj, robot)
-        except InputError as error:  # noqa: PERF203 - all that is wrong is said at once
+        except InputError as error:  # all that is wrong is said at once
             problems += error.problems
     return found
 
@@ -397,7 +397,7 @@ def servo_numbers(robot: RobotModel, joints: Sequence[str]) -> NDArray[np.int64]
         UnknownNameError: A joint has none; lists those that have.
     """
     model = robot.model
-    of_joint = {}
+    of_joint: dict[str, int] = {}
     for i in range(model.nu):
         if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT and drives_position(model, i):
             of_joint.setdefault(model.joint(int(model.actuator_trnid[i, 0])).name, i)

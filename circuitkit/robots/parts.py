@@ -37,10 +37,12 @@ _OF_HINGE_AND_SLIDE = {
 _WIDTHS = {"quat": 4, "fromto": 6, "camprojection": 2}
 # How many numbers these have depends on their settings; the compiler knows.
 _OPEN_WIDTH = frozenset({"contact", "user", "plugin", "tactile", "rangefinder"})
-_THREE = (
-    "accelerometer velocimeter gyro force torque magnetometer ballangvel framepos framexaxis frameyaxis framezaxis "
-    "framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel subtreeangmom geomnormal"
-).split()
+_THREE = frozenset({
+    "accelerometer", "velocimeter", "gyro", "force", "torque", "magnetometer",
+    "ballangvel", "framepos", "framexaxis", "frameyaxis", "framezaxis", "framelinvel",
+    "frameangvel", "framelinacc", "frameangacc", "subtreecom", "subtreelinvel", "subtreeangmom",
+    "geomnormal",
+})  # fmt: skip
 
 
 class Meaning(NamedTuple):
@@ -83,7 +85,7 @@ def _dimension(unit: str) -> OpenDimension:
 
 
 def _word(kind: mujoco.mjtSensor) -> str:
-    return kind.name.removeprefix("mjSENS_").lower()
+    return str(kind.name).removeprefix("mjSENS_").lower()
 
 
 @dataclass(frozen=True)
@@ -263,7 +265,8 @@ def unit_of_sensor(kind: int, object_type: int, object_id: int, model: mujoco.Mj
 def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
     name = arguments[0]
     if name not in sensors.own:
-        raise no_such("sensor", name, (each for each in sensors.own if each))
+        kind = "sensor"
+        raise no_such(kind, name, (each for each in sensors.own if each))
     sensor, component = sensors.own[name], 0
     word, width = _word(sensor.type), sensors.width(name)
     if len(arguments) > 1:
@@ -414,4 +417,4 @@ def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
 
 
 ARITIES = {name: reference.arity for name, reference in _REFERENCES.items()}
-__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "StandIn", "bind", "column", "column_index", "no_such"]
+__all__ = ["ARITIES", "AXES", "NO_DIMENSION", "REFERENCES", "Meaning", "Reference", "Sensors", "StandIn", "bind", "column", "column_index", "no_such"]

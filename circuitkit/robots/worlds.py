@@ -26,7 +26,7 @@ def substeps_of(robot: RobotModel, step_s: float) -> int:
     Raises:
         InputError: It is no whole number of them.
     """
-    timestep = robot.model.opt.timestep
+    timestep = float(robot.model.opt.timestep)
     count = step_s / timestep
     if abs(count - round(count)) > _WHOLE or round(count) == 0:
         below = np.floor(count) * timestep
@@ -116,7 +116,8 @@ class Worlds:
 
     def start_state(self) -> Array:
         """The state of every world now, right after `begin`; for `restart`. Shape (B, n)."""
-        return self.physics.state.copy()
+        state: Array = self.physics.state.copy()
+        return state
 
     def restart(self, robots: NDArray[np.int64], start: Array) -> None:
         """Put some robots back to their start, while the others go on; each then is at a tick of its own.

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel, describe, unfilled
 from circuitkit.base.source.fields import Seconds
-from circuitkit.base.units import UnitError, parse_quantity
+from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel, Worlds
 from circuitkit.simulation.reference import Moment, Reference
@@ -323,7 +323,8 @@ class Effects:
                     first = int(model.sensor_adr[i])
                     return list(range(first, first + int(model.sensor_dim[i]))), []
             with placed(where):
-                raise UnknownNameError("channel", pattern, dict.fromkeys([*self.robot.channels, *roles]))
+                kind = "channel"
+                raise UnknownNameError(kind, pattern, dict.fromkeys([*self.robot.channels, *roles]))
         bare = [each.value.bare for each in channels]
         columns = list(dict.fromkeys(column for column in bare if column is not None))
         return columns, [each.name for each, column in zip(channels, bare, strict=True) if column is None]

@@ -15,7 +15,13 @@ from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import Dimension, Unit, parse_unit
-from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, DimensionError, OpenDimension, dimension_of, named_symbol
+from circuitkit.circuit.expressions.dimensions import (
+    NO_DIMENSION,
+    DimensionError,
+    OpenDimension,
+    dimension_of,
+    named_symbol,
+)
 from circuitkit.circuit.expressions.expression import (
     COMPARISONS,
     Binary,
@@ -58,12 +64,14 @@ def _same(dimension: OpenDimension | None) -> OpenDimension | None:
 
 
 def _mean_so_far(x: Array, _: float) -> Array:
-    return np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0)
+    mean: Array = np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0)
+    return mean
 
 
-def _holds(x: Array) -> Array:
+def _holds(x: Array) -> NDArray[np.bool_]:
     """Where a condition holds: what is outside a window, not a number, does not."""
-    return (x != 0) & ~np.isnan(x)
+    holds: NDArray[np.bool_] = (x != 0) & ~np.isnan(x)
+    return holds
 
 
 def _last_so_far(x: Array, _: float) -> Array:
@@ -85,7 +93,8 @@ def _first_so_far(x: Array, _: float) -> Array:
 def _first_time(x: Array, dt: float) -> Array:
     seen = np.maximum.accumulate(_holds(x), axis=0)
     first = np.argmax(_holds(x), axis=0) if len(x) else 0
-    return np.where(seen, (first + 1) * dt, np.nan)
+    time: Array = np.where(seen, (first + 1) * dt, np.nan)
+    return time
 
 
 def _begun(x: Array) -> Array:
@@ -111,7 +120,7 @@ REDUCTIONS: Mapping[str, Reduction] = {
 }
 _CONDITIONAL = frozenset({"duration", "count", "time_of"})
 _FUNCTIONS: Mapping[str, tuple[int, int]] = {
-    **{name: (1, 1) for name in REDUCTIONS},
+    **dict.fromkeys(REDUCTIONS, (1, 1)),
     "max": (1, 50),
     "min": (1, 50),
     "outside": (1, 3),
@@ -182,7 +191,7 @@ class BoundMeasure:
     """
 
     channels: tuple[str, ...] = ()
-    units: Mapping[str, Unit] = {}  # noqa: RUF012 - never changed
+    units: Mapping[str, Unit] = {}
 
     def measure(self, track: Track) -> Mapping[str, Value]:  # noqa: ARG002 - for others
         """What it gives."""
@@ -227,7 +236,7 @@ class Formula:
             track: The run, or a part of it.
             firsts: The first values, where the track is a later part; takes them, where it is the first one.
         """
-        functions = {
+        functions: dict[str, Callable[..., Any]] = {
             **NUMPY_FUNCTIONS,
             **{name: partial(_reduced, each, track) for name, each in REDUCTIONS.items()},
             "max": partial(_either, "max", track),
@@ -324,8 +333,8 @@ def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expr
             return Call("max", (beyond, Number(0.0)))
         case Call(function="outside", arguments=(Name(name=name) as x,)):
             found = track.bounds(name)
-            low, high = (-np.inf, np.inf) if found is None else found
-            values |= {f"{name} low": low, f"{name} high": high}
+            least, most = (-np.inf, np.inf) if found is None else found
+            values |= {f"{name} low": least, f"{name} high": most}
             beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
             return Call("max", (beyond, Number(0.0)))
         case Call(function=function, arguments=arguments):
@@ -356,7 +365,8 @@ def parse_measure(text: str, units: Mapping[str, Unit], bounded: Iterable[str] =
     tree = _named(tree, references)
     # What a reference is measured in is known when the model is there; until then its own checks have to do.
     placeholders = {name: OpenDimension(units[name].dimension) for name in references if name in units}
-    shown, extra = _checked(tree, dimensions | placeholders, set(bounded))
+    checker = _Checker(dimensions | placeholders, set(bounded))
+    shown, extra = checker.replaced(tree), checker.extra
     unknown = [name for name in references if name not in units]
     dimension = None if unknown else dimension_of(shown, dimensions | placeholders | extra)
     unit = parse_unit("1") if dimension is None else _unit_like(dimension.fixed, tree, units)
@@ -387,61 +397,80 @@ def _named(tree: Expression, references: dict[str, Call]) -> Expression:
     return tree
 
 
-def _checked(
-    tree: Expression, names: Mapping[str, OpenDimension], bounded: set[str]
-) -> tuple[Expression, dict[str, OpenDimension]]:
-    """The tree with a name for every reduction, and the dimensions of these names."""
-    extra: dict[str, OpenDimension] = {}
+class _Checker:
+    """Puts a name in the place of every reduction, so that units can be checked.
 
-    def known(part: Expression) -> OpenDimension | None:
-        if any(name not in names and name not in extra for name in part.names()):
-            return None
-        return dimension_of(part, {**names, **extra})
+    Attributes:
+        extra: The dimensions of these names.
+    """
 
-    def stand_in(part: Call, dimension: OpenDimension | None) -> Expression:
-        if dimension is None:
-            return Number(0.0, offset=part.offset)
-        extra[str(part)] = dimension
-        return StandIn(str(part), offset=part.offset)
+    def __init__(self, names: Mapping[str, OpenDimension], bounded: set[str]) -> None:
+        self._names, self._bounded = names, bounded
+        self.extra: dict[str, OpenDimension] = {}
 
-    def replaced(part: Expression) -> Expression:
+    def replaced(self, part: Expression) -> Expression:
+        """The tree with these names.
+
+        Raises:
+            ExpressionError: A reduction gets what it cannot take.
+        """
         match part:
-            case Call(function="outside", arguments=arguments):
-                if len(arguments) == 2:  # noqa: PLR2004 - one or three
-                    message = "found outside with 2 arguments; allowed: outside(x, low, high), or outside(channel)"
-                    raise ExpressionError(message, part.offset)
-                if len(arguments) == 1 and not (isinstance(arguments[0], Name) and arguments[0].name in bounded):
-                    message = f"found '{part}', whose bounds are not known; allowed: outside(x, low, high)"
-                    raise ExpressionError(message, part.offset)
-                inner = [replaced(each) for each in arguments]
-                alike = inner[0]
-                for other in inner[1:]:
-                    alike = Call("max", (alike, other), offset=part.offset)
-                try:
-                    return stand_in(part, known(alike))
-                except DimensionError as error:
-                    raise ExpressionError(error.of(str(part)), part.offset) from error
-            case Call(function="after" | "between", arguments=(argument, *times)):
-                for each in times:
-                    if known(replaced(each)) not in {None, _SECOND}:
-                        message = f"found '{part}'; allowed: times there, such as after({argument}, 2 s)"
-                        raise ExpressionError(message, each.offset)
-                return stand_in(part, known(replaced(argument)))
-            case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
-                inside = replaced(argument)
-                if function in _CONDITIONAL and not _is_condition(argument):
-                    message = f"found '{part}'; allowed: a condition there, such as {function}(x > 0)"
-                    raise ExpressionError(message, part.offset)
-                return stand_in(part, REDUCTIONS[function].dimension(known(inside)))
             case Call(function=function, arguments=arguments):
-                return Call(function, tuple(replaced(each) for each in arguments), offset=part.offset)
+                return self._call(part, function, arguments)
             case Binary(operator=joint, left=left, right=right):
-                return Binary(joint, replaced(left), replaced(right), offset=part.offset)
+                return Binary(joint, self.replaced(left), self.replaced(right), offset=part.offset)
             case Unary(operator=sign, operand=operand):
-                return Unary(sign, replaced(operand), offset=part.offset)
+                return Unary(sign, self.replaced(operand), offset=part.offset)
         return part
 
-    return replaced(tree), extra
+    def _call(self, part: Call, function: str, arguments: tuple[Expression, ...]) -> Expression:
+        if function == "outside":
+            return self._outside(part, arguments)
+        if function in {"after", "between"}:
+            return self._window(part, *arguments)
+        if function in REDUCTIONS and len(arguments) == 1:
+            return self._reduction(part, function, arguments[0])
+        return Call(function, tuple(self.replaced(each) for each in arguments), offset=part.offset)
+
+    def _outside(self, part: Call, arguments: tuple[Expression, ...]) -> Expression:
+        if len(arguments) == 2:  # noqa: PLR2004 - one or three
+            message = "found outside with 2 arguments; allowed: outside(x, low, high), or outside(channel)"
+            raise ExpressionError(message, part.offset)
+        if len(arguments) == 1 and not (isinstance(arguments[0], Name) and arguments[0].name in self._bounded):
+            message = f"found '{part}', whose bounds are not known; allowed: outside(x, low, high)"
+            raise ExpressionError(message, part.offset)
+        alike, *others = (self.replaced(each) for each in arguments)
+        for other in others:
+            alike = Call("max", (alike, other), offset=part.offset)
+        try:
+            return self._stand_in(part, self._known(alike))
+        except DimensionError as error:
+            raise ExpressionError(error.of(str(part)), part.offset) from error
+
+    def _window(self, part: Call, argument: Expression, *times: Expression) -> Expression:
+        for each in times:
+            if self._known(self.replaced(each)) not in {None, _SECOND}:
+                message = f"found '{part}'; allowed: times there, such as after({argument}, 2 s)"
+                raise ExpressionError(message, each.offset)
+        return self._stand_in(part, self._known(self.replaced(argument)))
+
+    def _reduction(self, part: Call, function: str, argument: Expression) -> Expression:
+        inside = self.replaced(argument)
+        if function in _CONDITIONAL and not _is_condition(argument):
+            message = f"found '{part}'; allowed: a condition there, such as {function}(x > 0)"
+            raise ExpressionError(message, part.offset)
+        return self._stand_in(part, REDUCTIONS[function].dimension(self._known(inside)))
+
+    def _known(self, part: Expression) -> OpenDimension | None:
+        if any(name not in self._names and name not in self.extra for name in part.names()):
+            return None
+        return dimension_of(part, {**self._names, **self.extra})
+
+    def _stand_in(self, part: Call, dimension: OpenDimension | None) -> Expression:
+        if dimension is None:
+            return Number(0.0, offset=part.offset)
+        self.extra[str(part)] = dimension
+        return StandIn(str(part), offset=part.offset)
 
 
 def _is_condition(tree: Expression) -> bool:

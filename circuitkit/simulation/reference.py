@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.registry import Registry
@@ -46,7 +47,7 @@ class Motion:
     targets: Array
     start_qpos: Array
     planned: Mapping[str, PlannedChannel] = field(default_factory=dict)
-    columns: Mapping[str, Array] = field(default_factory=dict)
+    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     knowledge: Any = None
     pace_s: float = 0.0
     start_act: Array | None = None

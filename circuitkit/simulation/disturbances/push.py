@@ -9,10 +9,10 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
 from circuitkit.base.source import describe
 from circuitkit.base.source.fields import Metres, NewtonMetres, Newtons, Seconds
-from circuitkit.base.units import UnitError, parse_quantity, parse_unit
+from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.control import Array
 from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start, placed
 from circuitkit.simulation.reference import Moment
