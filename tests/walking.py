@@ -69,7 +69,11 @@ def scenario(
 
 def a_push(**changes: Any) -> Push:
     """20 N to the inside for 0.2 s in the lift of step 0, but for the changes."""
-    start = {"step": changes.pop("step", 0), "phase": changes.pop("phase", "lift"), "at": changes.pop("at", 0.4)}
+    start = {
+        "step": changes.pop("step", 0),
+        "phase": changes.pop("phase", "lift"),
+        "at": changes.pop("at", 0.4),
+    }
     whole = {"body": "torso", "force": 20.0, "direction": "inward", "duration": 0.2, "start": start}
     return Push(**whole | changes)
 

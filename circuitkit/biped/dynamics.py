@@ -64,7 +64,9 @@ class BodyDynamics:
             force, moment = forces[tick, base : base + 3], forces[tick, base + 3 : base + _BASE_DOFS]
             for part, foot in zip((share, 1.0 - share), self._robot.feet_id, strict=True):
                 if part > 0:
-                    mujoco.mj_jac(self._model, self._data, point, turn, positions[tick, place : place + 3], foot)
+                    mujoco.mj_jac(
+                        self._model, self._data, point, turn, positions[tick, place : place + 3], foot
+                    )
                     torques[tick] -= part * (force @ point + moment @ turn)[self._robot.dof_index]
         return torques
 

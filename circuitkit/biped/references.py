@@ -70,9 +70,14 @@ class GaitReference(Reference):
         if len(found) == 0 or moment > len(found):
             whole = (ticks - np.count_nonzero(first_step.step < 0)) // gait.step_ticks
             steps = f"steps 0 to {whole - 1}, or " if whole > 0 else ""
-            message = f"found step {start.step}, and the walk ends before that '{start.phase}'; allowed: {steps}a longer duration"
+            message = (
+                f"found step {start.step}, and the walk ends before that '{start.phase}'; allowed: {steps}a "
+                "longer duration"
+            )
             raise InputError(Problem("", 0, 0, "start", message))
-        return Moment(float(found[0] + moment) * gait.control_step, _directions(int(schedule.support[found[0]])))
+        return Moment(
+            float(found[0] + moment) * gait.control_step, _directions(int(schedule.support[found[0]]))
+        )
 
     def at(self, time_s: float) -> Moment:
         """The moment at a time, and which way is inward then."""
@@ -94,7 +99,11 @@ class GaitReference(Reference):
         body = biped_of(robot)
         dynamics = BodyDynamics(body)
         walk, targets = plan_walk(
-            self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
+            self.gait,
+            body.block.legs.geometry(),
+            ticks,
+            dynamics.zmp,
+            lambda walk: _torques_and_targets(dynamics, body, walk),
         )
         return _motion(robot, body, walk, targets)
 
@@ -142,7 +151,10 @@ class StandReference(Reference):
         )  # fmt: skip
         dynamics = BodyDynamics(body)
         walk, found = plan_stand(
-            gait, body.block.legs.geometry(), dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
+            gait,
+            body.block.legs.geometry(),
+            dynamics.zmp,
+            lambda walk: _torques_and_targets(dynamics, body, walk),
         )
         return _motion(robot, body, walk, found)
 
@@ -174,7 +186,9 @@ def known_body(robot: RobotModel, biped: BipedBody) -> Body:
     block, roles = biped.block, biped.block.roles
     soles = [getattr(block.feet, side).sole for side in SIDES]
     extent = [[[sole.back, sole.front], [sole.right, sole.left]] for sole in soles]
-    ankle = [role if (role := f"left_ankle_{name}") in roles else "left_ankle_pitch" for name in ("pitch", "roll")]
+    ankle = [
+        role if (role := f"left_ankle_{name}") in roles else "left_ankle_pitch" for name in ("pitch", "roll")
+    ]
     servo = biped.leg_servo[[roles.index(role) for role in ankle]]
     stiffness = biped.stiffness[servo]
     damping = -robot.model.actuator_biasprm[biped.servos[servo], 2] * biped.gear[servo] ** 2
@@ -188,7 +202,9 @@ def _moment(where: Mapping[str, Any]) -> GaitMoment:
     try:
         return validate_model(Document("", dict(where), {}), GaitMoment)
     except InputError as error:
-        problems = (Problem("", 0, 0, f"start.{p.where}".rstrip("."), p.message, p.hint) for p in error.problems)
+        problems = (
+            Problem("", 0, 0, f"start.{p.where}".rstrip("."), p.message, p.hint) for p in error.problems
+        )
         raise InputError(*problems) from error
 
 

@@ -315,7 +315,9 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
     names = [model.joint(j).name for j in joints]
     if missing := [role for role in block.roles if block.joint(role).joint not in names]:
         name = block.joint(missing[0]).joint
-        message = f"the joint '{name}' has no position servo; allowed: {listing(names)}; or give it one by servos"
+        message = (
+            f"the joint '{name}' has no position servo; allowed: {listing(names)}; or give it one by servos"
+        )
         raise InputError(robot.robot.problem(("biped", "joints", missing[0]), message))
     torso = int(model.body(block.torso).id)
     base = int(model.body_jntadr[torso])

@@ -158,7 +158,9 @@ class _Channels:
     def add(self, name: str, unit: str, above: Array, description: str, below: Array | None = None) -> None:
         """Add a channel: a sum, or the quotient of two."""
         least = np.zeros(self.layout.total) if below is None else below
-        self.channels[name] = Channel(name, parse_unit(unit), Quotient(above, least, _LEAST_LOAD_N), description)
+        self.channels[name] = Channel(
+            name, parse_unit(unit), Quotient(above, least, _LEAST_LOAD_N), description
+        )
 
 
 def _add_sums(found: _Channels, cells_xy_m: Array, hip_offset_y_m: float) -> None:
@@ -170,7 +172,9 @@ def _add_sums(found: _Channels, cells_xy_m: Array, hip_offset_y_m: float) -> Non
     forward = found.row(force, cells_xy_m[:, 0])
     found.add("zmp_x", "m", forward, "ZMP by the force cells, forward of the ankles", total)
     found.add("zmp_y", "m", across, "ZMP by the force cells, left of the middle between the feet", total)
-    found.add("force_difference", "1", found.row(force, side), "(left - right) / (left + right) of the cells", total)
+    found.add(
+        "force_difference", "1", found.row(force, side), "(left - right) / (left + right) of the cells", total
+    )
     found.add("load", "N", total, "sum of all force cells")
 
 

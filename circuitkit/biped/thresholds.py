@@ -35,11 +35,14 @@ class Thresholds(MeasureKind):
     kind: ClassVar[str] = "thresholds"
 
     channel: str = Field(description="The circuit's input that they compare.")
-    left_foot: Edges = Field(description="Neurons at the `right` and `left` edge while the left foot carries.")
+    left_foot: Edges = Field(
+        description="Neurons at the `right` and `left` edge while the left foot carries."
+    )
     right_foot: Edges = Field(description="The same for the right foot.")
     both_feet: Edges = Field(description="The same for both feet.")
     circuit: str | None = Field(
-        default=None, description="The circuit whose neurons they are, if neither the one in use nor the scenario's."
+        default=None,
+        description="The circuit whose neurons they are, if neither the one in use nor the scenario's.",
     )
 
     def bind(self, plan: Plan) -> ThresholdMeasure:
@@ -52,7 +55,9 @@ class Thresholds(MeasureKind):
         if self.circuit is not None:
             graphs = (load_circuit(plan.scenario.file(self.circuit)),)
         if not graphs:
-            message = "the scenario has no circuit; allowed: circuit: NAME here, whose neurons stand at the edges"
+            message = (
+                "the scenario has no circuit; allowed: circuit: NAME here, whose neurons stand at the edges"
+            )
             raise InputError(Problem("", 0, 0, "measures.thresholds", message))
         if self.channel not in plan.robot.channels:
             channels = plan.robot.channels

@@ -174,7 +174,9 @@ class _CommonStarts:
                 by_seed.setdefault(spec.seed, []).append(i)
         for robots in by_seed.values():
             self._leaders[robots] = max(robots, key=lambda i: int(self._own_tick[i]))
-        self._partings = sorted({int(self._own_tick[i]) for i in np.flatnonzero(self._following)}, reverse=True)
+        self._partings = sorted(
+            {int(self._own_tick[i]) for i in np.flatnonzero(self._following)}, reverse=True
+        )
         if self._partings:
             worlds.follow(self._leaders)
 
@@ -343,5 +345,7 @@ def _clips(readings: Array, ranges: dict[int, tuple[float, float]]) -> list[_Cli
         view = readings[:, run[0] : run[-1] + 1]
         low, high = (np.array([ranges[column][end] for column in run]) for end in (0, 1))
         shape = view.shape
-        found.append(_Clip(view, np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy(), run))
+        found.append(
+            _Clip(view, np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy(), run)
+        )
     return found

@@ -74,6 +74,16 @@ def _holds(x: Array) -> NDArray[np.bool_]:
     return holds
 
 
+def _total_so_far(x: Array, dt: float) -> Array:
+    total: Array = np.cumsum(np.nan_to_num(x), axis=0) * dt
+    return total
+
+
+def _held_so_far(x: Array, dt: float) -> Array:
+    held: Array = np.cumsum(_holds(x), axis=0) * dt
+    return held
+
+
 def _last_so_far(x: Array, _: float) -> Array:
     """The last value that is a number."""
     rows = np.arange(len(x)).reshape(-1, *(1,) * (x.ndim - 1))
@@ -107,15 +117,13 @@ REDUCTIONS: Mapping[str, Reduction] = {
     "min": Reduction(lambda x, _: np.fmin.accumulate(x, axis=0), _same, "the smallest value"),
     "mean": Reduction(_mean_so_far, _same, "the mean"),
     "rms": Reduction(lambda x, dt: np.sqrt(_mean_so_far(np.square(x), dt)), _same, "the root mean square"),
-    "total": Reduction(
-        lambda x, dt: np.cumsum(np.nan_to_num(x), axis=0) * dt, lambda d: None if d is None else d.times(_SECOND), "the integral over time"
-    ),
+    "total": Reduction(_total_so_far, lambda d: d and d.times(_SECOND), "the integral over time"),
     "first": Reduction(_first_so_far, _same, "the first value"),
     "last": Reduction(_last_so_far, _same, "the last value"),
-    "duration": Reduction(
-        lambda x, dt: np.cumsum(_holds(x), axis=0) * dt, lambda _: _SECOND, "how long a condition held"
+    "duration": Reduction(_held_so_far, lambda _: _SECOND, "how long a condition held"),
+    "count": Reduction(
+        lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: _PLAIN, "how often a condition began to hold"
     ),
-    "count": Reduction(lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: _PLAIN, "how often a condition began to hold"),
     "time_of": Reduction(_first_time, lambda _: _SECOND, "when a condition held first"),
 }
 _CONDITIONAL = frozenset({"duration", "count", "time_of"})
@@ -436,7 +444,9 @@ class _Checker:
         if len(arguments) == 2:  # noqa: PLR2004 - one or three
             message = "found outside with 2 arguments; allowed: outside(x, low, high), or outside(channel)"
             raise ExpressionError(message, part.offset)
-        if len(arguments) == 1 and not (isinstance(arguments[0], Name) and arguments[0].name in self._bounded):
+        if len(arguments) == 1 and not (
+            isinstance(arguments[0], Name) and arguments[0].name in self._bounded
+        ):
             message = f"found '{part}', whose bounds are not known; allowed: outside(x, low, high)"
             raise ExpressionError(message, part.offset)
         alike, *others = (self.replaced(each) for each in arguments)
@@ -510,7 +520,9 @@ class Judge:
     @property
     def units(self) -> dict[str, Unit | None]:
         """Unit of each measure, in the order of the table; None for true and false."""
-        found: dict[str, Unit | None] = {n: None if f.is_condition else f.unit for n, f in self.formulas.items()}
+        found: dict[str, Unit | None] = {
+            n: None if f.is_condition else f.unit for n, f in self.formulas.items()
+        }
         for each in self.kinds:
             found |= each.units
         return found

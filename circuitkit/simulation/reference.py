@@ -97,7 +97,7 @@ class Reference:
         """
         return cls()
 
-    def moment(self, where: Mapping[str, Any], duration_s: float) -> Moment:
+    def moment(self, where: Mapping[str, Any], duration_s: float) -> Moment:  # noqa: ARG002 - for others
         """A moment by the reference's own words.
 
         Args:
@@ -107,7 +107,10 @@ class Reference:
         Raises:
             InputError: There is no such moment.
         """
-        message = f"found {dict(where)}; allowed: a time such as 5 s, for the reference '{self.name}' has no moments"
+        message = (
+            f"found {dict(where)}; allowed: a time such as 5 s, for the reference '{self.name}' has no "
+            "moments"
+        )
         raise InputError(Problem("", 0, 0, "start", message))
 
     def at(self, time_s: float) -> Moment:

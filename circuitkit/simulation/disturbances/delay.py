@@ -39,7 +39,9 @@ class Delay(Disturbance):
             message = f"found {self.by * 1e3:g} ms; allowed: a multiple of the control step of {step}"
             raise InputError(Problem("", 0, 0, f"{where}.by", message))
         if ticks >= effects.ticks:
-            message = f"found {self.by:g} s; allowed: less than the run of {effects.ticks * effects.step_s:g} s"
+            message = (
+                f"found {self.by:g} s; allowed: less than the run of {effects.ticks * effects.step_s:g} s"
+            )
             raise InputError(Problem("", 0, 0, f"{where}.by", message))
         if ticks == 0:
             return
