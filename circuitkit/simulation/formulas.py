@@ -38,7 +38,7 @@ Value: TypeAlias = "float | bool | None"
 
 ENDED, TIME = "ended", "t"
 _FUNCTIONS: Mapping[str, tuple[int, int]] = {
-    **{name: (1, 1) for name in REDUCTIONS},
+    **dict.fromkeys(REDUCTIONS, (1, 1)),
     "max": (1, 50),
     "min": (1, 50),
     "outside": (1, 3),

@@ -137,7 +137,69 @@ class Plan:
             return OpenLoop()
         if name == CIRCUIT:
             if self.circuits.used is None:
-                message = f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in its file"
+                message = (
+                    f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in its "
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    "file"
+                )
                 raise InputError(Problem("", 0, 0, "controller", message))
             connect = self.scenario.connect.model_dump()
             return CircuitController(self.circuits.used, connect=connect, backend=self.backend)
@@ -309,7 +371,10 @@ def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -
     changes = [(k, each) for k, each in enumerate(scenario.befalling) if each.changes_model]
     units = measurable(Body(robot, robot, motion, 1.0, 1))
     calls: dict[str, Any] = {}
-    for key, name, text in [("until", "", scenario.until or ""), *(("measures", *m) for m in scenario.formulas.items())]:
+    for key, name, text in [
+        ("until", "", scenario.until or ""),
+        *(("measures", *m) for m in scenario.formulas.items()),
+    ]:
         if text:
             every = set(robot.channels) | set(units)
             formula = _formula(scenario, (key, name), text, units, every)

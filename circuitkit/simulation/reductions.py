@@ -52,6 +52,16 @@ def _holds(x: Array) -> NDArray[np.bool_]:
     return holds
 
 
+def _total_so_far(x: Array, dt: float) -> Array:
+    total: Array = np.cumsum(np.nan_to_num(x), axis=0) * dt
+    return total
+
+
+def _held_so_far(x: Array, dt: float) -> Array:
+    held: Array = np.cumsum(_holds(x), axis=0) * dt
+    return held
+
+
 def _last_so_far(x: Array, _: float) -> Array:
     """The last value that is a number."""
     rows = np.arange(len(x)).reshape(-1, *(1,) * (x.ndim - 1))
@@ -71,7 +81,8 @@ def _first_so_far(x: Array, _: float) -> Array:
 def _first_time(x: Array, dt: float) -> Array:
     seen = np.maximum.accumulate(_holds(x), axis=0)
     first = np.argmax(_holds(x), axis=0) if len(x) else 0
-    return np.where(seen, (first + 1) * dt, np.nan)
+    time: Array = np.where(seen, (first + 1) * dt, np.nan)
+    return time
 
 
 def _begun(x: Array) -> Array:
@@ -84,15 +95,13 @@ REDUCTIONS: Mapping[str, Reduction] = {
     "min": Reduction(lambda x, _: np.fmin.accumulate(x, axis=0), _same, "the smallest value"),
     "mean": Reduction(_mean_so_far, _same, "the mean"),
     "rms": Reduction(lambda x, dt: np.sqrt(_mean_so_far(np.square(x), dt)), _same, "the root mean square"),
-    "total": Reduction(
-        lambda x, dt: np.cumsum(np.nan_to_num(x), axis=0) * dt, lambda d: None if d is None else d.times(SECOND), "the integral over time"
-    ),
+    "total": Reduction(_total_so_far, lambda d: d and d.times(SECOND), "the integral over time"),
     "first": Reduction(_first_so_far, _same, "the first value"),
     "last": Reduction(_last_so_far, _same, "the last value"),
-    "duration": Reduction(
-        lambda x, dt: np.cumsum(_holds(x), axis=0) * dt, lambda _: SECOND, "how long a condition held"
+    "duration": Reduction(_held_so_far, lambda _: SECOND, "how long a condition held"),
+    "count": Reduction(
+        lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: PLAIN, "how often a condition began to hold"
     ),
-    "count": Reduction(lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: PLAIN, "how often a condition began to hold"),
     "time_of": Reduction(_first_time, lambda _: SECOND, "when a condition held first"),
 }
 CONDITIONAL = frozenset({"duration", "count", "time_of"})
