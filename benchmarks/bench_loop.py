@@ -1,81 +1,114 @@
 """The closed loop against bare physics: the same robot, the same targets, the same number of physics steps.
 
-The loop is everything: gait, sensors with noise, circuit, recording. Bare is nothing but `mj_step`, or, for
-many robots, `mujoco.batch.Batch.step`, with the walk's targets written once a control step.
+The loop is everything: reference, sensors with noise, circuit, recording. Bare is nothing but `mj_step`, or, for
+many robots, `mujoco.batch.Batch.step`, with the controls of the reference written once a control step.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import mujoco
 from mujoco.batch import Batch
 
-from circuitkit.biped.dynamics import generalised_positions
-from circuitkit.simulation import Plan, load_scenario, make_plan
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop
-from circuitkit.biped.thresholds import run_and_judge
+from circuitkit.robots.worlds import substeps_of
+from circuitkit.simulation import Plan, RunSpec, load_scenario, make_plan
+from circuitkit.simulation.disturbances.noise import Noise
+from circuitkit.simulation.loop import Setup, run_and_watch, run_loop
 from circuitkit.study.bench import Case, Work
 
-_ALONE_S = 17.0  # as long as nao_push, so that making the arrays counts as much as it does there
-_TOGETHER_S = 4.0
+_TOGETHER = 64
 
 
-def cases() -> tuple[Case, ...]:
-    """One robot, and 64, which are recorded or only judged."""
-    return (
-        Case("closed loop: 1 robot", "mj_step alone, one robot", _one, limit=1.35),
-        Case("closed loop: 64 robots", "Batch.step alone, 64 robots", lambda: _many(64), limit=1.15),
-        Case("verdicts: 64 robots", "Batch.step alone, 64 robots", lambda: _judged(64), limit=1.1),
-    )
+@dataclass(frozen=True)
+class _Loop:
+    """A scenario that is measured without what befalls it, but for noise.
+
+    Attributes:
+        scenario: Its name.
+        alone_s: How long one robot runs: as long as the scenario, so that making arrays counts as much, [s].
+        together_s: How long many robots run, [s].
+        alone: Limit of the ratio for one robot.
+        together: Limit of the ratio for many.
+    """
+
+    scenario: str
+    alone_s: float
+    together_s: float
+    alone: float
+    together: float
+
+    def plan(self, duration_s: float) -> Plan:
+        """The plan of a run so long, which nothing ends early."""
+        loaded = load_scenario(self.scenario)
+        noise = tuple(each for each in loaded.befalling if isinstance(each, Noise))
+        changes = {"duration": duration_s, "until": None}
+        return make_plan(loaded.with_disturbances(noise).model_copy(update=changes))
+
+    def one(self) -> tuple[Work, Work]:
+        """One robot, recorded, and `mj_step`."""
+        plan = self.plan(self.alone_s)
+        setup = _setup(plan, 1)
+        model, targets = plan.robot.model, plan.body.motion.targets
+        data = mujoco.MjData(model)
+        substeps = substeps_of(plan.robot, plan.body.step_s)
+
+        def bare() -> None:
+            mujoco.mj_resetData(model, data)
+            data.qpos = plan.body.motion.start_qpos
+            for tick in range(plan.ticks):
+                data.ctrl = targets[min(tick, len(targets) - 1)]
+                for _ in range(substeps):
+                    mujoco.mj_step(model, data)
+
+        return lambda: run_loop(setup), bare
+
+    def many(self, *, recorded: bool) -> tuple[Work, Work]:
+        """Many robots, recorded or only measured, and `Batch.step`."""
+        plan = self.plan(self.together_s)
+        setup = _setup(plan, _TOGETHER)
+        bare = bare_batch(plan, _TOGETHER)
+        return (lambda: run_loop(setup)) if recorded else (lambda: run_and_watch(setup)), bare
 
 
-def _plan(duration_s: float) -> Plan:
-    return make_plan(load_scenario("nao_push").model_copy(update={"duration": duration_s, "pushes": ()}))
+def _setup(plan: Plan, batch: int) -> Setup:
+    specs = [RunSpec(seed, plan.scenario.befalling) for seed in range(batch)]
+    return plan.setup(plan.controller(), specs)
 
 
-def _one() -> tuple[Work, Work]:
-    plan = _plan(_ALONE_S)
-    model = plan.robot.model
-    data = mujoco.MjData(model)
-    start = generalised_positions(plan.robot, plan.walk)[0]
-    substeps = round(plan.walk.gait.control_step / model.opt.timestep)
-
-    def bare() -> None:
-        mujoco.mj_resetData(model, data)
-        data.qpos = start
-        for target in plan.targets:
-            data.ctrl = target
-            for _ in range(substeps):
-                mujoco.mj_step(model, data)
-
-    return lambda: run_loop(plan.setup("circuit", [Trial(0, ())])), bare
-
-
-def _many(batch: int) -> tuple[Work, Work]:
-    plan = _plan(_TOGETHER_S)
-    trials = [Trial(seed, ()) for seed in range(batch)]
-    return lambda: run_loop(plan.setup("circuit", trials)), _bare(plan, batch)
-
-
-def _judged(batch: int) -> tuple[Work, Work]:
-    plan = _plan(_TOGETHER_S)
-    trials = [Trial(seed, ()) for seed in range(batch)]
-    thresholds = plan.scenario.thresholds
-    return lambda: run_and_judge(plan.setup("circuit", trials), thresholds), _bare(plan, batch)
-
-
-def _bare(plan: Plan, batch: int) -> Work:
+def bare_batch(plan: Plan, batch: int) -> Work:
     """Steps a batch along the targets of a plan, and nothing else."""
     worlds = Batch(plan.robot.model, batch)
     ctrl, qpos, qvel = worlds.bind("ctrl"), worlds.bind("qpos"), worlds.bind("qvel")
-    start = generalised_positions(plan.robot, plan.walk)[0]
-    substeps = round(plan.walk.gait.control_step / plan.robot.model.opt.timestep)
+    targets, substeps = plan.body.motion.targets, substeps_of(plan.robot, plan.body.step_s)
 
     def bare() -> None:
         worlds.reset()
-        qpos[:], qvel[:] = start, 0.0
-        for target in plan.targets:
-            ctrl[:] = target
+        qpos[:], qvel[:] = plan.body.motion.start_qpos, 0.0
+        for tick in range(plan.ticks):
+            ctrl[:] = targets[min(tick, len(targets) - 1)]
             worlds.step(nstep=substeps)
 
     return bare
+
+
+_LOOPS = {
+    "closed loop": _Loop("nao_push", 17.0, 4.0, alone=1.30, together=1.10),
+    "vehicle": _Loop("vehicle_avoids", 20.0, 4.0, alone=1.5, together=1.15),
+    "quadruped": _Loop("quadruped_trots", 10.0, 4.0, alone=1.5, together=1.15),
+}
+
+
+def cases() -> tuple[Case, ...]:
+    """One robot, and 64, which are recorded or only measured."""
+    found = []
+    for name, loop in _LOOPS.items():
+        found.append(Case(f"{name}: 1 robot", "mj_step alone, one robot", loop.one, limit=loop.alone))
+        for words, recorded in ((f"{name}: 64 robots", True), (f"{name}, only measures: 64 robots", False)):
+            against = "Batch.step alone, 64 robots"
+
+            def prepare(loop: _Loop = loop, *, recorded: bool = recorded) -> tuple[Work, Work]:
+                return loop.many(recorded=recorded)
+
+            found.append(Case(words, against, prepare, limit=loop.together))
+    return tuple(found)

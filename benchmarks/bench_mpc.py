@@ -14,12 +14,12 @@ from itertools import cycle, islice
 import numpy as np
 
 from circuitkit.base.errors import MissingDependencyError
-from circuitkit.control import load_controller
 from circuitkit.biped.control.jerk_mpc import OWN, BoxSolver, JerkMpc, box_solver
 from circuitkit.biped.control.wieber_mpc import WieberMpcSpec
+from circuitkit.control import load_controller
+from circuitkit.paper.reproduce.timing import mpc_solves, network_steps
 from circuitkit.simulation import Plan, load_scenario, make_plan
 from circuitkit.study.bench import Amount, AnyCase, Case, LeftOutError, Loop
-from circuitkit.paper.reproduce.timing import mpc_solves, network_steps
 
 _CIRCUIT = "binn_lateral_tuned"
 _SOLVES = 200
@@ -39,7 +39,7 @@ def cases() -> tuple[AnyCase, ...]:
 
 @cache
 def _plan() -> Plan:
-    return make_plan(load_scenario("nao_push").model_copy(update={"pushes": ()}))
+    return make_plan(load_scenario("nao_push").with_disturbances(()))
 
 
 def _solves(name: str = "mpc_full") -> Callable[[int], object]:
@@ -66,7 +66,7 @@ def _against_the_circuit() -> tuple[Loop, Loop]:
 
 def _through_qpsolvers() -> tuple[Loop, Loop]:
     """The same solver, hessian and bounds; bounds as they are around the ZMPs of a pushed walk."""
-    spec, reference = load_controller("mpc_full"), _plan().reference()
+    spec, reference = load_controller("mpc_full"), _plan().body.motion.knowledge
     if not isinstance(spec, WieberMpcSpec):
         message = f"{spec.controller} is no wieber_mpc"
         raise LeftOutError(message)

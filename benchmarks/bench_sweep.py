@@ -1,7 +1,7 @@
 """A sweep against bare physics on all processors: the same robots, the same number of physics steps.
 
 The sweep is everything: starting the processes, planning the walk, pushes, sensors with noise, the circuit,
-the verdicts, and rows on the disk. Bare is nothing but `Batch.step` of MuJoCo, with a thread for each
+the measures, and rows on the disk. Bare is nothing but `Batch.step` of MuJoCo, with a thread for each
 processor and the walk's targets written once a control step.
 """
 
@@ -12,13 +12,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from mujoco.batch import Batch
-
-from circuitkit.biped.dynamics import generalised_positions
-from circuitkit.study import Study, load_study, sweep
+from benchmarks.bench_loop import bare_batch
+from circuitkit.study import CaseBuilder, Study, load_study, sweep
 from circuitkit.study.bench import Amount
-from circuitkit.study.board import BATCH
-from circuitkit.study.pool import processors
+from circuitkit.study.scheduler import BATCH
+from circuitkit.study.workers import processors
 
 _SEEDS = 400  # enough that the start of the processes counts as little as in a sweep of minutes
 _MOST = 1 / 0.85  # of the time of bare physics: a throughput of 0.85
@@ -34,12 +32,12 @@ def _prepare() -> Callable[[], float]:
         {
             "search": None,
             "seeds": {"count": _SEEDS},
-            "set": {"gait": "gait_march", "controller": "circuit", "pushes[0].force": "10 N"},
+            "set": {"reference.gait": "gait_march", "controller": "circuit", "push.force": "10 N"},
             "axes": {
-                "gait": None,
+                "reference.gait": None,
                 "contender": None,
-                "pushes[0].direction": ["inward"],
-                "pushes[0].duration": None,
+                "push.direction": ["inward"],
+                "push.duration": None,
             },
         }
     )
@@ -62,20 +60,13 @@ def _prepare() -> Callable[[], float]:
 
 
 def _bare(study: Study) -> Callable[[], None]:
-    plan = study.point_of(study.cells[0]).plan()
+    plan = CaseBuilder(study).of_cell(study.cells[0]).plan()
     size = BATCH * processors()
-    start = generalised_positions(plan.robot, plan.walk)[0]
-    substeps = round(plan.walk.gait.control_step / plan.robot.model.opt.timestep)
-    batches = [min(size, _SEEDS - done) for done in range(0, _SEEDS, size)]
+    batches = [bare_batch(plan, min(size, _SEEDS - done)) for done in range(0, _SEEDS, size)]
 
     def step_all() -> None:
-        for batch in batches:
-            worlds = Batch(plan.robot.model, batch)
-            ctrl, qpos = worlds.bind("ctrl"), worlds.bind("qpos")
-            qpos[:] = start
-            for target in plan.targets:
-                ctrl[:] = target
-                worlds.step(nstep=substeps)
+        for step in batches:
+            step()
 
     return step_all
 

@@ -101,7 +101,10 @@ PARTS: dict[str, Callable[[], None]] = {
     "schema": write_schema,
     "models": _hook("model_pages.py", "write_model_pages"),
     "circuits": _hook("circuit_pictures.py", "write_circuit_pictures"),
+    "kinds": _hook("kind_tables.py", "write_kind_tables"),
+    "figures": _hook("figure_table.py", "write_figure_table"),
     "pictures": write_pictures,
+    "robots": _hook("moving_picture.py", "write_robot_pictures"),
 }
 
 

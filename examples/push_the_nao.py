@@ -1,16 +1,19 @@
-"""Push the marching NAO, with and without the circuit, and say what became of it.
+"""Push the marching NAO, with and without the circuit, and print what becomes of it.
 
 Run it with: python examples/push_the_nao.py
 """
 
 from __future__ import annotations
 
-from circuitkit.simulation import load_scenario, simulate
+from circuitkit import load_scenario, simulate
+from circuitkit.biped.gait import load_gait
+from circuitkit.biped.references import GaitReference
 
 # Any field of a scenario can be changed in Python; the file stays as it is.
-scenario = load_scenario("nao_push").model_copy(update={"gait": "gait_march", "duration": 9.0})
+changes = {"reference": GaitReference(load_gait("gait_march")), "duration": 9.0}
+scenario = load_scenario("nao_push").model_copy(update=changes)
 
 for controller in ("open_loop", "circuit"):
-    verdict = simulate(scenario, controller=controller).verdict
-    outcome = "stands" if verdict.survived else f"falls at {verdict.time_of_fall_s:.2f} s"
-    print(f"{controller}: {outcome}, ZMP at most {verdict.max_zmp_excursion_m * 1e3:.1f} mm outside")
+    result = simulate(scenario, controller=controller)
+    beyond_mm = 1e3 * result.measures["max_zmp_excursion_m"]
+    print(f"{controller}: {result.outcome}, ZMP at most {beyond_mm:.1f} mm outside")

@@ -74,7 +74,8 @@ def test_wheel_says_who_it_is(wheel):
     assert metadata["Requires-Python"] == ">=3.11"
     assert f"{folder}/licenses/LICENSE" in archive.namelist()
     scripts = archive.read(f"{folder}/entry_points.txt").decode()
-    assert scripts == "[console_scripts]\ncircuitkit = circuitkit.cli.main:entry_point\n"
+    assert "[console_scripts]\ncircuitkit = circuitkit.cli.main:entry_point\n" in scripts
+    assert "[circuitkit.references]\nbiped = circuitkit.biped.references\n" in scripts
 
 
 @pytest.fixture(scope="module")

@@ -1,20 +1,26 @@
-"""What the tests of walks, robots and simulations share: a NAO, short plans, runs without chance."""
+"""What the tests of bipeds and of their walks share: a NAO, short plans, runs without chance."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from circuitkit.biped.gait import LEG_JOINTS
-from circuitkit.robots import RobotModel, build_model, load_robot
-from circuitkit.simulation import Plan, Push, Recording, load_scenario, make_plan
-from circuitkit.simulation.disturbance import Trial
+from circuitkit.biped.control.planned import planned_channels
+from circuitkit.biped.control.reference import WalkReference
+from circuitkit.biped.gait import LEG_JOINTS, GaitSpec, Walk, load_gait
+from circuitkit.biped.references import GaitReference
+from circuitkit.biped.robot import BipedBody, biped_of
+from circuitkit.biped.view import BipedView
+from circuitkit.control import Interface
+from circuitkit.robots import RobotModel, Worlds, build_model, load_robot
+from circuitkit.simulation import Disturbance, Motion, Plan, Recording, RunSpec, Scenario, load_scenario, make_plan
+from circuitkit.simulation.disturbances.fault import Fault
+from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.loop import run_loop
-from circuitkit.simulation.scenario import Fault, Jitter, Scenario, SensorNoise
 
 GAITS = ("gait_march", "gait_walk_2cm", "gait_walk_4cm")
 
@@ -33,46 +39,85 @@ def nao() -> RobotModel:
     return build_model(load_robot("nao"))
 
 
+def nao_body() -> BipedBody:
+    """The shipped NAO as a biped."""
+    return biped_of(nao())
+
+
 @cache
 def bare_nao() -> mujoco.MjModel:
-    """The MJCF alone: no floor, no servos, no sensors."""
+    """The MJCF alone: no servos, no sensors."""
     return mujoco.MjModel.from_xml_path(str(load_robot("nao").mjcf_path))
 
 
-def scenario(**changes: Any) -> Scenario:
-    """`nao_push` without pushes, noise and jitter, three seconds long, but for the changes."""
-    calm = {
-        "duration": 3.0,
-        "pushes": (),
-        "faults": (),
-        "sensor_noise": SensorNoise(),
-        "jitter": Jitter(),
-        "gait": "gait_march",
-    }
-    return load_scenario("nao_push").model_copy(update=calm | changes)
+def scenario(
+    gait: str = "gait_march", disturbances: Iterable[Disturbance] = (), **changes: Any
+) -> Scenario:  # fmt: skip
+    """`nao_push` with other disturbances, or none, and three seconds of another gait; further fields may differ."""
+    calm = {"duration": 3.0, "reference": GaitReference(load_gait(gait))}
+    return load_scenario("nao_push").with_disturbances(tuple(disturbances)).model_copy(update=calm | changes)
 
 
 def a_push(**changes: Any) -> Push:
     """20 N to the inside for 0.2 s in the lift of step 0, but for the changes."""
-    push = load_scenario("nao_push").pushes[0]
-    start = push.start.model_copy(update={"step": changes.pop("step", 0), "at": changes.pop("at", 0.4)})
-    return push.model_copy(update={"force": 20.0, "direction": "inward", "start": start} | changes)
+    start = {"step": changes.pop("step", 0), "phase": changes.pop("phase", "lift"), "at": changes.pop("at", 0.4)}
+    whole = {"body": "torso", "force": 20.0, "direction": "inward", "duration": 0.2, "start": start}
+    return Push(**whole | changes)
 
 
 def fault(cell: str = "LFsrFL", reading: str = "missing", start: float = 1.0, duration: float = 0.2) -> Fault:
     """A force cell that fails."""
-    times = {"start": f"{start} s", "duration": f"{duration} s"}
-    return Fault.model_validate({"cell": cell, "reading": reading, **times})
-
-
-def walk_alone(plan: Plan, controller: str = "circuit", seed: int = 0) -> Recording:
-    """One robot with the scenario's pushes."""
-    return run_loop(plan.setup(controller, [Trial(seed, plan.scenario.pushes)]))
+    return Fault(channel=cell, reading=reading, start=start, duration=duration)
 
 
 def plan_of(circuit: str | None = None, **changes: Any) -> Plan:
     """The plan of `scenario(**changes)`."""
     return make_plan(scenario(**changes), circuit)
+
+
+def known_of(plan: Plan) -> WalkReference:
+    """What a controller may know of the walk of a plan."""
+    known: WalkReference = plan.body.motion.knowledge
+    return known
+
+
+def interface_of(known: WalkReference) -> Interface:
+    """What a controller gets to know of a NAO on a walk."""
+    return Interface(nao().channel_units, nao().command_units, known.step_s, planned_channels(known), known)
+
+
+def walk_of_nao(gait: GaitSpec, ticks: int) -> tuple[Walk, Motion]:
+    """A walk that is right for the NAO, and what its servos are to do."""
+    motion = GaitReference(gait).motion(nao(), ticks, gait.control_step)
+    return motion.knowledge.walk, motion
+
+
+def naos(
+    motion: Motion,
+    commands: Sequence[str] = (),
+    batch: int = 1,
+    threads: int | None = None,
+    robot: RobotModel | None = None,
+) -> Worlds:
+    """NAOs at the start of a walk, in control steps of 10 ms."""
+    made = Worlds(robot or nao(), 0.01, motion.targets, motion.start_qpos, commands, batch, threads)
+    made.begin()
+    return made
+
+
+def walk_all(plan: Plan, controller: Any, specs: Sequence[RunSpec]) -> Recording:
+    """Robots of one batch."""
+    return run_loop(plan.setup(plan.controller(controller), specs))
+
+
+def walk_alone(plan: Plan, controller: Any = "circuit", seed: int = 0) -> Recording:
+    """One robot with the scenario's disturbances."""
+    return walk_all(plan, controller, [plan.own_spec(seed)])
+
+
+def view_of(recording: Recording) -> BipedView:
+    """The recording of a biped as one."""
+    return BipedView(recording)
 
 
 ARRAYS = ("readings", "qpos", "observations", "commands", "trace")

@@ -8,15 +8,7 @@ from pathlib import Path
 from circuitkit.base.errors import UnknownNameError
 from circuitkit.base.source import data_folder, read_yaml
 
-# Where the files of a kind lie, as patterns from the top of the data.
-FOLDERS = {
-    "circuits": "circuits/*.yaml",
-    "robots": "robots/*/robot.yaml",
-    "scenarios": "sims/*.yaml",
-    "controllers": "sims/controllers/*.yaml",
-    "gaits": "sims/gaits/*.yaml",
-    "studies": "sims/studies/*.yaml",
-}
+_PACKAGE = Path(__file__).parents[1]  # models lie inside of it
 
 
 @dataclass(frozen=True)
@@ -45,20 +37,36 @@ def catalogue(kind: str | None = None) -> tuple[Shipped, ...]:
     Raises:
         UnknownNameError: There is no such kind; lists those there are.
     """
-    if kind is not None and kind not in FOLDERS:
+    folders = _folders()
+    if kind is not None and kind not in folders:
         what = "kind"
-        raise UnknownNameError(what, kind, FOLDERS)
+        raise UnknownNameError(what, kind, folders)
     found = []
-    for each, pattern in FOLDERS.items():
+    for each, pattern in folders.items():
         if kind in {None, each}:
             top, _, rest = pattern.partition("/")
-            for path in sorted(data_folder(top).glob(rest)):
+            folder = _PACKAGE if top == _PACKAGE.name else data_folder(top)
+            for path in sorted(folder.glob(rest)):
                 name = path.parent.name if path.stem == "robot" else path.stem
                 found.append(Shipped(each, name, _description(path), path))
     return tuple(found)
 
 
+def _folders() -> dict[str, str]:
+    """Where the files of a kind lie, as patterns from the top of the data; every folder below `sims` is a kind."""
+    inner = sorted(path.name for path in data_folder("sims").iterdir() if path.is_dir())
+    return {
+        "circuits": "circuits/*.yaml",
+        "robots": "robots/*/robot.yaml",
+        "scenarios": "sims/*.yaml",
+        **{name: f"sims/{name}/*.yaml" for name in inner},
+        "models": f"{_PACKAGE.name}/circuit/models/*/*.yaml",
+    }
+
+
 def _description(path: Path) -> str:
+    """The first line of what a file says of itself; a model's begins with what it is a model of."""
     data = read_yaml(path).data
-    text = data.get("description", "") if isinstance(data, dict) else ""
-    return str(text).partition("\n")[0].strip()
+    known = data if isinstance(data, dict) else {}
+    first = str(known.get("description", "")).partition("\n")[0].strip()
+    return f"{path.parent.name.removesuffix('s')}: {first}" if "model" in known else first

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import logging
 import pkgutil
 from collections.abc import Iterator, Mapping
 from functools import cached_property
@@ -12,6 +13,8 @@ from types import ModuleType
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 from circuitkit.base.errors import UnknownNameError
+
+_LOG = logging.getLogger(__name__)
 
 
 class Kind(Protocol):
@@ -30,8 +33,8 @@ KindT = TypeVar("KindT", bound=Kind)
 class Registry(Generic[KindT]):
     """All kinds of one sort, such as the references or the disturbances.
 
-    A kind is a class derived from `base` with a `kind` of its own. It is found in any module of `package`, and
-    in what the entry points of the group `circuitkit.WORD` name: a class, a module, or a package of modules.
+    A kind is a class derived from `base` with a `kind` of its own. It is found in any module of `package`,
+    and in what the entry points of the group `circuitkit.WORD` name: a class, a module, or a package.
     """
 
     def __init__(self, word: str, base: type[KindT], package: str | None = None) -> None:
@@ -45,17 +48,18 @@ class Registry(Generic[KindT]):
         self.word = word
         self._base = base
         self._package = package
-        self.broken: dict[str, Exception] = {}
 
     @cached_property
     def kinds(self) -> Mapping[str, type[KindT]]:
-        """The classes by their `kind`, in alphabetical order. A plug-in that fails goes to `broken`."""
+        """The classes by their `kind`, in alphabetical order. A warning names plug-ins that fail."""
         found = {each.kind: each for each in self._own()}
-        for point in entry_points(group=f"circuitkit.{self.word}"):
+        group = f"circuitkit.{self.word}"
+        for point in entry_points(group=group):
             try:
                 found |= {each.kind: each for each in self._of(point)}
-            except Exception as error:  # noqa: BLE001 - a plug-in of others may fail in any way, and must not stop us
-                self.broken[point.name] = error
+            except Exception as error:  # a plug-in of others may fail in any way, and must not stop us
+                why = f"{type(error).__name__}: {error}"
+                _LOG.warning("the plug-in '%s' of %s is left out: %s", point.name, group, why)
         return dict(sorted(found.items()))
 
     def __getitem__(self, kind: str) -> type[KindT]:
@@ -65,7 +69,8 @@ class Registry(Generic[KindT]):
             UnknownNameError: There is none; lists those there are.
         """
         if kind not in self.kinds:
-            raise UnknownNameError(f"kind of {self.word}", kind, self.kinds)
+            what = f"kind of {self.word}"
+            raise UnknownNameError(what, kind, self.kinds)
         return self.kinds[kind]
 
     def _own(self) -> Iterator[type[KindT]]:
@@ -85,5 +90,6 @@ class Registry(Generic[KindT]):
             modules.append(importlib.import_module(f"{module.__name__}.{found.name}"))
         for each in modules:
             for _, value in inspect.getmembers(each, inspect.isclass):
-                if issubclass(value, self._base) and value.__module__ == each.__name__ and "kind" in vars(value):
+                own = value.__module__ == each.__name__ and "kind" in vars(value)
+                if own and issubclass(value, self._base):
                     yield value

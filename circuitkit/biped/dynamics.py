@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -37,7 +38,7 @@ class BodyDynamics:
         """ZMP along the walk, forward and sideways; shape (T, 2), [m]."""
         positions, forces = self._inverse(walk)
         base = self._robot.base_dof
-        origin = positions[:, self._robot.base_qpos : self._robot.base_qpos + 3]
+        origin = positions[:, self._robot.base_qpos : self._robot.base_qpos + 3] - self._robot.origin_m
         force, moment = forces[:, base : base + 3], forces[:, base + 3 : base + _BASE_DOFS]
         turned = np.column_stack([-moment[:, 1], moment[:, 0]])
         points: Array = origin[:, :2] + (turned - origin[:, 2:3] * force[:, :2]) / force[:, 2:3]
@@ -88,25 +89,43 @@ class BodyDynamics:
 
 
 def generalised_positions(robot: BipedBody, walk: Walk) -> Array:
-    """`qpos` along a walk: torso upright over the pelvis, loose objects where they are; shape (T, nq)."""
+    """`qpos` along a walk: torso upright over the pelvis, loose objects where they are; shape (T, nq).
+
+    Raises:
+        SimulationError: The MJCF's legs cannot put a foot where the walk wants it.
+    """
     positions = np.repeat(robot.start_qpos[None], walk.ticks, axis=0)
     place, legs = robot.base_qpos, robot.block.legs
-    positions[:, place : place + 3] = walk.pelvis_m
+    positions[:, place : place + 3] = walk.pelvis_m + robot.origin_m
     positions[:, place] -= legs.hip_offset_x
     positions[:, place + 2] += legs.hip_offset_z
     positions[:, place + 3 : place + 7] = [1.0, 0.0, 0.0, 0.0]
-    positions[:, robot.qpos_index] = joint_targets(robot, walk)
-    return positions
+    angles = walk.joints_rad[:, robot.leg_column] * robot.leg_sign
+    if robot.leg_offset.any():
+        angles += robot.leg_offset
+    positions[:, robot.qpos_index[robot.leg_servo]] = angles
+    return robot.kinematics.corrected(positions, walk)
 
 
 def joint_targets(robot: BipedBody, walk: Walk) -> Array:
     """Angles of all joints with servos along a walk, in the MJCF's own sense; shape (T, n), [rad]."""
-    targets = np.repeat(robot.start_qpos[None, robot.qpos_index], walk.ticks, axis=0)
-    targets[:, robot.leg_servo] = walk.joints_rad[:, robot.leg_column] * robot.leg_sign
-    return targets
+    return generalised_positions(robot, walk)[:, robot.qpos_index]
 
 
-def servo_targets(robot: BipedBody, walk: Walk, torques: Array) -> Array:
+def as_walked(robot: BipedBody, walk: Walk, targets: Array) -> Walk:
+    """The walk with the angles that the MJCF's legs take.
+
+    Args:
+        robot: The robot.
+        walk: The walk.
+        targets: Angles of all joints with servos along it; shape (T, n), [rad].
+    """
+    angles = walk.joints_rad.copy()
+    angles[:, robot.leg_column] = (targets[:, robot.leg_servo] - robot.leg_offset) * robot.leg_sign
+    return replace(walk, joints_rad=angles)
+
+
+def servo_targets(robot: BipedBody, targets: Array, torques: Array) -> Array:
     """Controls along a walk; shape (T, nu).
 
     A servo of stiffness k that must hold a torque stays behind its target by torque / k. The torques along
@@ -115,9 +134,9 @@ def servo_targets(robot: BipedBody, walk: Walk, torques: Array) -> Array:
 
     Args:
         robot: The robot.
-        walk: The walk.
-        torques: Of all joints with servos; shape (T, n), [N m].
+        targets: Angles of all joints with servos; shape (T, n), [rad].
+        torques: Of them; shape (T, n), [N m].
     """
-    controls = np.repeat(robot.held[None], walk.ticks, axis=0)
-    controls[:, robot.servos] = (joint_targets(robot, walk) + torques / robot.stiffness) * robot.gear
+    controls = np.repeat(robot.held[None], len(targets), axis=0)
+    controls[:, robot.servos] = (targets + torques / robot.stiffness) * robot.gear
     return controls

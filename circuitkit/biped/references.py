@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.base.source import Document, FileModel
+from circuitkit.base.source import Document, FileModel, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
 from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import Body, walk_reference
-from circuitkit.biped.dynamics import BodyDynamics, generalised_positions, servo_targets
+from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, servo_targets
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
 from circuitkit.biped.gait.pattern import plan_stand
 from circuitkit.biped.gait.schedule import Schedule, plan_steps
@@ -36,7 +35,7 @@ class GaitMoment(FileModel):
 
 
 class GaitReference(Reference):
-    """A walk, planned for the whole body; brings `planned_com_*`, and pushes inward and outward."""
+    """Walks by a gait file; brings `planned_com_*`, moments of steps, and the directions inward and outward."""
 
     kind: ClassVar[str] = "gait"
     settings = str
@@ -93,10 +92,10 @@ class GaitReference(Reference):
             raise InputError(Problem("", 0, 0, "control_step", message))
         body = biped_of(robot)
         dynamics = BodyDynamics(body)
-        walk, torques = plan_walk(
-            self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, dynamics.torques
+        walk, found = plan_walk(
+            self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
         )
-        return _motion(robot, body, walk, np.zeros((ticks, len(body.servos))) if torques is None else torques)
+        return _motion(robot, body, walk, found)
 
 
 class StandSpec(FileModel):
@@ -141,15 +140,27 @@ class StandReference(Reference):
             lift=Lift(start=0.0, end=1.0, height=0.0), swing=Window(start=0.2, end=0.8),
         )  # fmt: skip
         dynamics = BodyDynamics(body)
-        walk, torques = plan_stand(gait, body.block.legs.geometry(), dynamics.zmp, dynamics.torques)
-        return _motion(robot, body, walk, torques)
+        walk, found = plan_stand(
+            gait, body.block.legs.geometry(), dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
+        )
+        return _motion(robot, body, walk, found)
 
 
-def _motion(robot: RobotModel, body: BipedBody, walk: Walk, torques: Array) -> Motion:
+def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) -> Array:
+    """Torque and angle of every servo along a walk, side by side; shape (T, 2 n)."""
+    positions = generalised_positions(body, walk)
+    body.kinematics.check_stops(positions)
+    return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
+
+
+def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array | None) -> Motion:
+    found = np.zeros((planned.ticks, 0)) if torques_and_targets is None else torques_and_targets
+    torques, targets = np.hsplit(found, 2)
+    walk = as_walked(body, planned, targets)
     knowledge = walk_reference(walk, known_body(robot, body))
     return Motion(
-        targets=servo_targets(body, walk, torques),
-        start_qpos=generalised_positions(body, walk)[0],
+        targets=servo_targets(body, targets, torques),
+        start_qpos=generalised_positions(body, planned.rows(slice(0, 1)))[0],
         planned=planned_channels(knowledge),
         columns={"step": walk.schedule.step, "phase": walk.schedule.phase},
         knowledge=knowledge,
@@ -174,13 +185,10 @@ def known_body(robot: RobotModel, biped: BipedBody) -> Body:
 
 def _moment(where: Mapping[str, Any]) -> GaitMoment:
     try:
-        return GaitMoment.model_validate_json(json.dumps(dict(where)), strict=True)
-    except ValidationError as error:
-        detail = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in detail["loc"])
-        found = f"found {key} {detail['input']!r}" if detail["type"] != "missing" else f"missing key '{key}'"
-        allowed = "a time such as 5 s, or {step: 8, phase: lift, at: 40 %} with a phase of transfer, lift, extend"
-        raise InputError(Problem("", 0, 0, f"start.{key}", f"{found}; allowed: {allowed}")) from error
+        return validate_model(Document("", dict(where), {}), GaitMoment)
+    except InputError as error:
+        problems = (Problem("", 0, 0, f"start.{p.where}".rstrip("."), p.message, p.hint) for p in error.problems)
+        raise InputError(*problems) from error
 
 
 @lru_cache(maxsize=32)

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
-from circuitkit.base.source import FileModel
-from circuitkit.base.source.fields import Metres, Newtons
 from circuitkit.base.units import Unit, parse_unit
-from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES, LegGeometry
+from circuitkit.biped.anatomy import ground_below, measured, quarters
+from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
+from circuitkit.biped.kinematics import LegKinematics
 from circuitkit.biped.sensing import Array, SensorLayout, channels
+from circuitkit.biped.spec import BipedSpec
 from circuitkit.biped.view import BipedView
 from circuitkit.robots import Command, Robot, RobotModel
 from circuitkit.robots.model import Brought, drives_position
-from circuitkit.robots.spec import BlockSpec
 
-_CELL_HALF_SIZE = (
-    0.06  # larger than the foot: a cell's volume reaches from the middle of the sole past its edge
-)
-_CELL_HALF_HEIGHT = 0.02
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts of the foot
-_OPTIONAL = frozenset({"left_ankle_roll", "right_ankle_roll"})
-
-Pair = Annotated[
-    tuple[Metres, Metres], BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-]
 
 # What a controller may add to the legs, by role: factors of the command's angle.
 COMMANDS: Mapping[str, tuple[str, Mapping[str, float]]] = {
@@ -79,128 +69,10 @@ COMMANDS: Mapping[str, tuple[str, Mapping[str, float]]] = {
 }
 
 
-class Sole(FileModel):
-    """Extent of a sole from its ankle."""
-
-    back: Metres
-    front: Metres
-    right: Metres
-    left: Metres
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Sole:
-        for low, high in (("back", "front"), ("right", "left")):
-            found = getattr(self, low), getattr(self, high)
-            if found[0] >= found[1]:
-                numbers = f"found {low} {found[0]:g} and {high} {found[1]:g}"
-                message = f"{numbers}; allowed: {low} before {high}"
-                raise ValueError(message)
-        return self
-
-
-class Foot(FileModel):
-    """One foot."""
-
-    body: str = Field(description="Body of the foot in the MJCF; its frame sits in the ankle.")
-    sole: Sole = Field(description="Extent of the sole, for the support polygon.")
-    cells: Mapping[str, Pair] = Field(
-        min_length=4, max_length=4, description="The four force cells: forward and left of the ankle."
-    )
-
-
-class Feet(FileModel):
-    """Both feet."""
-
-    left: Foot
-    right: Foot
-
-    @model_validator(mode="after")
-    def _own_cells(self) -> Feet:
-        for name in self.left.cells:
-            if name in self.right.cells:
-                message = f"the cell '{name}' is in both feet; allowed: names of their own"
-                raise ValueError(message)
-        return self
-
-
-class Legs(FileModel):
-    """Lengths of the legs."""
-
-    thigh: Metres = Field(gt=0)
-    tibia: Metres = Field(gt=0)
-    ankle_height: Metres = Field(gt=0)
-    hip_offset_x: Metres = Field(default=0.0, description="Hips ahead of the torso's origin.")
-    hip_offset_y: Metres = Field(gt=0)
-    hip_offset_z: Metres = Field(description="Hips below the torso's origin.")
-
-    def geometry(self) -> LegGeometry:
-        """The same, as the walking pattern wants it."""
-        return LegGeometry(self.thigh, self.tibia, self.ankle_height, self.hip_offset_y, self.hip_offset_z)
-
-
-class ForceCells(FileModel):
-    """What the force cells can measure."""
-
-    range: tuple[Newtons, Newtons] = Field(description="Readings are clipped to this.")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> ForceCells:
-        low, high = self.range
-        if low >= high:
-            message = f"found a range from {low:g} to {high:g}; allowed: the lower end first"
-            raise ValueError(message)
-        return self
-
-
-class LegJoint(FileModel):
-    """A joint of a leg that turns the other way, or is measured from another angle, in the MJCF."""
-
-    joint: str = Field(description="Name in the MJCF.")
-    sign: int = Field(default=1, description="-1 if it turns the other way: pitch about -y, roll about -x.")
-
-    @model_validator(mode="after")
-    def _is_a_sign(self) -> LegJoint:
-        if self.sign not in {1, -1}:
-            message = f"found the sign {self.sign}; allowed: 1 or -1"
-            raise ValueError(message)
-        return self
-
-
-class BipedBlock(BlockSpec):
-    """Torso, feet and legs of a robot that walks on two legs."""
+class BipedBlock(BipedSpec):
+    """Says which parts of an MJCF are torso, feet and legs of a robot that walks on two legs."""
 
     kind: ClassVar[str] = "biped"
-
-    torso: str = Field(description="Body that carries the head and hangs from a free joint.")
-    imu: str = Field(description="Site of the inertial measurement unit.")
-    feet: Feet
-    legs: Legs
-    joints: Mapping[str, str | LegJoint] = Field(
-        description="The MJCF's joint by role; {joint: NAME, sign: -1} where it turns the other way."
-    )
-    force_cells: ForceCells = ForceCells(range=(0.0, 1e6))
-
-    @model_validator(mode="after")
-    def _complete(self) -> BipedBlock:
-        needed = [name for name in LEG_JOINTS if name not in _OPTIONAL]
-        if missing := [name for name in needed if name not in self.joints]:
-            message = f"joints: missing {listing(missing)}; required: {listing(needed)}"
-            raise ValueError(message)
-        if unknown := [name for name in self.joints if name not in LEG_JOINTS]:
-            hint = suggest(unknown[0], LEG_JOINTS)
-            message = f"joints: unknown '{unknown[0]}'; allowed: {listing(LEG_JOINTS)}{'; ' if hint else ''}{hint}"
-            raise ValueError(message)
-        return self
-
-    @property
-    def roles(self) -> tuple[str, ...]:
-        """The legs' joints that the robot has, in the order of `LEG_JOINTS`."""
-        return tuple(role for role in LEG_JOINTS if role in self.joints)
-
-    def joint(self, role: str) -> LegJoint:
-        """A joint with its sign."""
-        found = self.joints[role]
-        return LegJoint(joint=found) if isinstance(found, str) else found
 
     def prepare(self, mj: Any, robot: Robot) -> _Prepared:  # noqa: ANN401 - MjSpec is not typed
         """Check that the parts are there, and add the sensors."""
@@ -215,14 +87,15 @@ class _Prepared:
 
     def finish(self, robot: RobotModel) -> Brought:
         """What a biped brings: channels, commands, and itself."""
-        block, model = self.block, robot.model
+        model, block = robot.model, measured(self.block, robot)
         first = int(model.sensor(self.sensors[0]).adr[0])
         cells = (*block.feet.left.cells, *block.feet.right.cells)
         layout = SensorLayout(cells, block.roles, first, int(model.nsensordata))
         body = make_body(robot, block, layout)
         positions = np.array([*block.feet.left.cells.values(), *block.feet.right.cells.values()])
-        signs = [float(block.joint(role).sign) for role in block.roles]
-        found = channels(layout, positions, block.legs.hip_offset_y, signs, block.force_cells.range)
+        joints = [block.joint(role) for role in block.roles]
+        zeros = [(float(joint.sign or 1), joint.offset) for joint in joints]
+        found = channels(layout, positions, block.legs.hip_offset_y, zeros, block.force_cells.range)
         return Brought(found, body.commands(), body)
 
 
@@ -236,10 +109,11 @@ def _check_parts(block: BipedBlock, mj: Any, robot: Robot) -> None:  # noqa: ANN
     }
     wanted = [
         ("body", block.torso, ("torso",)),
-        ("site", block.imu, ("imu",)),
+        *((("site", block.imu, ("imu",)),) if block.imu is not None else ()),
         *(("body", getattr(block.feet, side).body, ("feet", side, "body")) for side in SIDES),
         *(("hinge", block.joint(role).joint, ("joints", role)) for role in block.roles),
     ]
+    paired = {name for pair in mj.pairs for name in (pair.geomname1, pair.geomname2)}
     problems: list[Problem] = []
     for kind, name, where in wanted:
         if name not in there[kind]:
@@ -250,11 +124,15 @@ def _check_parts(block: BipedBlock, mj: Any, robot: Robot) -> None:  # noqa: ANN
         problems.append(robot.problem(("biped", "torso"), message))
     for side in SIDES:
         name = getattr(block.feet, side).body
-        if name in there["body"] and not any(g.contype or g.conaffinity for g in mj.body(name).geoms):
+        if name in there["body"] and not any(_touches(geom, paired) for geom in mj.body(name).geoms):
             message = f"'{name}' has no geom that can touch the ground; allowed: a body with a sole"
             problems.append(robot.problem(("biped", "feet", side, "body"), message))
     if problems:
         raise InputError(*problems)
+
+
+def _touches(geom: Any, paired: Set[str]) -> bool:  # noqa: ANN401 - MjSpec is not typed
+    return bool(geom.contype or geom.conaffinity or geom.name in paired)
 
 
 def _add_sensors(block: BipedBlock, mj: Any) -> tuple[str, ...]:  # noqa: ANN401 - MjSpec is not typed
@@ -267,10 +145,12 @@ def _add_sensors(block: BipedBlock, mj: Any) -> tuple[str, ...]:  # noqa: ANN401
         return mj.add_sensor(name=names[-1], **more)
 
     for side in SIDES:
-        foot = getattr(block.feet, side)
-        _add_cells(mj, foot, block.legs.ankle_height)
+        _add_cells(mj, getattr(block.feet, side).body, block.cells(side), block.legs.ankle_height)
+    imu = block.imu
+    if imu is None:
+        imu = mj.body(block.torso).add_site(name="biped imu", group=4).name
     for side in SIDES:
-        for name in getattr(block.feet, side).cells:
+        for name in block.cells(side):
             sensor(name, type=kind.mjSENS_TOUCH, objtype=site, objname=f"biped {name}")
     for side in SIDES:
         wrench = sensor(
@@ -282,8 +162,8 @@ def _add_sensors(block: BipedBlock, mj: Any) -> tuple[str, ...]:  # noqa: ANN401
         wrench.intprm[:3] = [sum(1 << int(field) for field in wanted), _NET_FORCE, 1]
     sensor("com", type=kind.mjSENS_SUBTREECOM, objtype=body, objname=block.torso)
     sensor("com_velocity", type=kind.mjSENS_SUBTREELINVEL, objtype=body, objname=block.torso)
-    sensor("gyro", type=kind.mjSENS_GYRO, objtype=site, objname=block.imu)
-    sensor("accelerometer", type=kind.mjSENS_ACCELEROMETER, objtype=site, objname=block.imu)
+    sensor("gyro", type=kind.mjSENS_GYRO, objtype=site, objname=imu)
+    sensor("accelerometer", type=kind.mjSENS_ACCELEROMETER, objtype=site, objname=imu)
     # XBODY is the body's own frame; BODY would be that of its principal axes of inertia.
     frame = mujoco.mjtObj.mjOBJ_XBODY
     sensor("torso_up", type=kind.mjSENS_FRAMEZAXIS, objtype=frame, objname=block.torso)
@@ -295,17 +175,20 @@ def _add_sensors(block: BipedBlock, mj: Any) -> tuple[str, ...]:  # noqa: ANN401
     return tuple(names)
 
 
-def _add_cells(mj: Any, foot: Foot, ankle_height_m: float) -> None:  # noqa: ANN401 - MjSpec is not typed
+def _add_cells(
+    mj: Any,  # noqa: ANN401 - as above
+    body: str,
+    cells: Mapping[str, tuple[float, float]],
+    ankle_height_m: float,
+) -> None:
     """The four cells of a foot share its sole: each takes the contacts of its own quarter."""
-    positions = np.array(list(foot.cells.values()))
-    middle = positions.mean(axis=0)
-    for name, position in zip(foot.cells, positions, strict=True):
-        quarter = middle + np.sign(position - middle) * _CELL_HALF_SIZE
-        mj.body(foot.body).add_site(
+    positions = np.array(list(cells.values()))
+    for name, (centre, size) in zip(cells, quarters(positions), strict=True):
+        mj.body(body).add_site(
             name=f"biped {name}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[_CELL_HALF_SIZE, _CELL_HALF_SIZE, _CELL_HALF_HEIGHT],
-            pos=[*quarter, -ankle_height_m],
+            size=size,
+            pos=[*centre, -ankle_height_m],
             group=4,
         )
 
@@ -325,6 +208,7 @@ class BipedBody:
         stiffness: Of the servos, shape (n,), [N m/rad].
         leg_servo: For each of `block.roles` its place among the n servos.
         leg_sign: For each of them, 1 or -1.
+        leg_offset: For each of them, the MJCF's angle at our zero, [rad].
         leg_column: For each of them, its column of `LEG_JOINTS`.
         start_qpos: Positions at the start of the robot file; shape (nq,).
         held: Controls that hold them; shape (nu,).
@@ -346,6 +230,7 @@ class BipedBody:
     leg_servo: NDArray[np.int64]
     leg_sign: Array
     leg_column: NDArray[np.int64]
+    leg_offset: Array
     start_qpos: Array
     held: Array
     base_qpos: int
@@ -366,6 +251,18 @@ class BipedBody:
         """Sensors of several numbers, as columns of `sensordata`: noise in them is noise in all channels of them."""
         places = {"com": self.layout.com, "com_velocity": self.layout.com_velocity}
         return {name: range(place.start, place.stop) for name, place in places.items()}
+
+    @cached_property
+    def kinematics(self) -> LegKinematics:
+        """Where the MJCF's own legs put the feet."""
+        return LegKinematics(self)
+
+    @cached_property
+    def origin_m(self) -> Array:
+        """Where in the world the middle between the feet is at first: on the ground, under the hips; shape (3,)."""
+        x, y = self.start_qpos[self.base_qpos : self.base_qpos + 2]
+        ground = ground_below(self.model, self.torso_id, self.start_qpos)
+        return np.array([x + self.block.legs.hip_offset_x, y, ground])
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -440,7 +337,8 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
         gear=gear,
         stiffness=gain * gear * gear,
         leg_servo=np.array([names.index(block.joint(role).joint) for role in block.roles], dtype=np.int64),
-        leg_sign=np.array([float(block.joint(role).sign) for role in block.roles]),
+        leg_sign=np.array([float(block.joint(role).sign or 1) for role in block.roles]),
+        leg_offset=np.array([block.joint(role).offset for role in block.roles]),
         leg_column=np.array([LEG_JOINTS.index(role) for role in block.roles], dtype=np.int64),
         start_qpos=robot.start_qpos,
         held=robot.held,

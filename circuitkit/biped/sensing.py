@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.units import parse_unit
-from circuitkit.robots.channels import Channel, Quotient
+from circuitkit.circuit.expressions.expression import Binary, Name, Number, Unary
+from circuitkit.robots.channels import Channel, Formula, Quotient
 
 Array = NDArray[np.float64]
 
@@ -96,7 +97,7 @@ def channels(
     layout: SensorLayout,
     cells_xy_m: Array,
     hip_offset_y_m: float,
-    signs: Sequence[float],
+    zeros: Sequence[tuple[float, float]],
     cell_range: tuple[float, float],
 ) -> dict[str, Channel]:
     """All channels of a robot with two feet of four force cells.
@@ -108,7 +109,8 @@ def channels(
         layout: Where the sensors stand.
         cells_xy_m: Position of each cell from its ankle; shape (8, 2).
         hip_offset_y_m: Half the distance between the feet.
-        signs: 1 or -1 for each of the legs' joints: -1 where it turns the other way in the MJCF.
+        zeros: For each of the legs' joints 1, or -1 where it turns the other way in the MJCF; and the MJCF's
+            angle where ours is 0, [rad].
         cell_range: What a cell can show, [N].
     """
     width, force = layout.total, layout.forces
@@ -152,15 +154,25 @@ def channels(
         origin = "floor" if letter == "z" else "middle between the ankles, where they are"
         add(f"com_{letter}", "m", com, none, f"CoM {way} the {origin}")
         add(f"feet_{letter}", "m", apart, none, f"left ankle {way} the right one")
-    for number, (joint, sign) in enumerate(zip(layout.legs, signs, strict=True)):
-        angle = one(layout.leg_joints, number, sign)
-        add(joint, "rad", angle, none, f"angle of the {joint.replace('_', ' ')}")
+    for number, (joint, (sign, offset)) in enumerate(zip(layout.legs, zeros, strict=True)):
+        description = f"angle of the {joint.replace('_', ' ')}"
+        if offset == 0:
+            add(joint, "rad", one(layout.leg_joints, number, sign), none, description)
+        else:
+            angle = _from_zero(joint, layout.leg_joints.start + number, sign, offset)
+            found[joint] = Channel(joint, parse_unit("rad"), angle, description)
     for number, foot in enumerate(("left", "right")):
         add(f"load_{foot}", "N", one(layout.wrench(number), 2), none, f"weight on the {foot} foot, by its contacts")
     for number, name in enumerate(layout.cells):
         bare = Quotient(one(layout.forces, number), none)
         found[name] = Channel(name, parse_unit("N"), bare, "force cell", cell_range)
     return found
+
+
+def _from_zero(joint: str, column: int, sign: float, offset: float) -> Formula:
+    """sign (angle - offset)."""
+    difference = Binary("-", Name(joint), Number(offset))
+    return Formula(difference if sign > 0 else Unary("-", difference), {joint: column})
 
 
 def centre_of_pressure(readings: Array, layout: SensorLayout, side: int) -> tuple[Array, Array]:

@@ -15,7 +15,8 @@ from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.view import support_by_load
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.control import Array
-from circuitkit.simulation.measures import BoundMeasure, MeasureKind, Track, Value
+from circuitkit.simulation.formulas import Track, Value
+from circuitkit.simulation.measures import BoundMeasure, MeasureKind
 from circuitkit.simulation.plan import Plan
 
 _NOTHING_M = 1e-9  # rounding, not a crossing
@@ -30,14 +31,14 @@ class Edges(FileModel):
 
 
 class Thresholds(MeasureKind):
-    """Neurons at whose half activation the ZMP counts as having crossed an edge; gives excursion and recovery."""
+    """Measures how far the ZMP goes beyond a circuit's thresholds, and how long it takes to be back."""
 
     kind: ClassVar[str] = "thresholds"
 
     channel: str = Field(description="The circuit's input that they compare.")
-    left_foot: Edges
-    right_foot: Edges
-    both_feet: Edges
+    left_foot: Edges = Field(description="Neurons at the `right` and `left` edge while the left foot carries.")
+    right_foot: Edges = Field(description="The same for the right foot.")
+    both_feet: Edges = Field(description="The same for both feet.")
     circuit: str | None = Field(
         default=None, description="The circuit whose neurons they are, if neither the one in use nor the scenario's."
     )

@@ -1,9 +1,15 @@
-"""The list of the commands."""
+"""The list of the commands.
+
+Commands import what they need inside their functions: MuJoCo, matplotlib, pydantic and numpy take up to a
+second to import, which neither the help of a command nor another command should wait for.
+"""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
+from operator import attrgetter
+from types import ModuleType
 from typing import Annotated
 
 import typer
@@ -23,13 +29,24 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 
-for _found in pkgutil.iter_modules(cli.__path__):  # every module with `register` is a command
-    if _found.name not in {"app", "main"}:
-        _module = importlib.import_module(f"{cli.__name__}.{_found.name}")
-        if hasattr(_module, "register"):
-            _module.register(app)
 
-COMMANDS = tuple(command.callback.__name__ for command in app.registered_commands if command.callback)
+def _commands() -> list[ModuleType]:
+    """The modules beside this one that have `register`, in the order of their `PLACE`.
+
+    Those with an underscore are parts of commands, which are imported when they are needed.
+    """
+    names = [each.name for each in pkgutil.iter_modules(cli.__path__)]
+    chosen = [name for name in names if not name.startswith("_") and name not in {"app", "main"}]
+    modules = [importlib.import_module(f"{cli.__name__}.{name}") for name in chosen]
+    return sorted((each for each in modules if hasattr(each, "register")), key=attrgetter("PLACE"))
+
+
+for _module in _commands():
+    _module.register(app)
+
+COMMANDS = tuple(
+    command.name or command.callback.__name__ for command in app.registered_commands if command.callback
+)
 
 
 def _print_version(wanted: bool) -> None:

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from circuitkit.cli.printing import examples, note, print_json, print_table, progress_bar
+from circuitkit.base.progress import progress_bar
+from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
     from circuitkit.study.bench import Row
+
+PLACE = 60
 
 
 def register(app: typer.Typer) -> None:
@@ -38,7 +41,7 @@ def bench(
     repository, not in the installed package.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy reads it when it is imported, which is later
-    from dataclasses import asdict
+    from dataclasses import asdict  # here, for the start-up: see app.py
 
     from circuitkit.study.bench import measure, select, shipped_cases
 

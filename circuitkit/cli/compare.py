@@ -13,6 +13,7 @@ from circuitkit.cli.options import (
     Circuit,
     Folder,
     Push,
+    Robot,
     Scenario,
     Seed,
     Settings,
@@ -25,6 +26,8 @@ from circuitkit.cli.options import (
 from circuitkit.cli.printing import examples
 from circuitkit.cli.results import finish
 
+PLACE = 31
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -32,9 +35,9 @@ def register(app: typer.Typer) -> None:
         epilog=examples(
             "circuitkit compare nao_push --controllers open_loop,circuit",
             "circuitkit compare nao_push --controllers open_loop,circuit --push 20N,200ms,outward --seed 1",
-            "circuitkit compare nao_push --controllers open_loop,circuit --set w=1deg",
             "circuitkit compare nao_push --controllers open_loop,circuit,mpc,stepping",
-            "circuitkit compare nao_push --controllers open_loop,circuit -o out/compare --json",
+            "circuitkit compare arm_reflex --controllers open_loop,circuit -o out/compare --json",
+            "circuitkit compare vehicle_avoids --controllers open_loop,circuit -o out/film --video",
         )
     )(compare)
 
@@ -50,6 +53,7 @@ def compare(
             help=f"Which, with commas between them: {CONTROLLERS}.",
         ),
     ],
+    robot: Robot = None,
     circuit: Circuit = None,
     settings: Settings = None,
     push: Push = None,
@@ -60,11 +64,11 @@ def compare(
     verbose: Verbose = False,
     as_json: Verdicts = False,
 ) -> None:
-    """Run a scenario under several controllers.
+    """Run a scenario under several controllers: the same robot, reference, disturbances and seed.
 
-    Prints one line each: whether it stood, how far the ZMP went, and when it was back inside.
+    Prints a line for each: how it ended, and every measure of the scenario in its unit.
 
-    Missing folders of DIR are made.
+    With -o DIR, writes a folder for each controller, and plots that compare them. Missing folders are made.
     """
     names = [name.strip() for name in controllers.split(",") if name.strip()]
     if not names:
@@ -73,11 +77,12 @@ def compare(
     require_folder(output, video=video)
     values = named_values(settings, *SETTINGS)
 
-    from circuitkit.simulation import compare as run_comparison
+    from circuitkit.simulation import compare as run_comparison  # here, for the start-up: see app.py
 
     results = run_comparison(
         scenario,
         names,
+        robot=robot,
         circuit=circuit,
         settings=values,
         backend=backend,

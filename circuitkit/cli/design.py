@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _OF_A_PUSH = 2  # of force, duration and w; eq. 21 gives the third
 _TEXT_WIDTH = 110  # of the notes below the tables
 
+PLACE = 51
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -100,7 +102,7 @@ def design(
     if len(given) != _OF_A_PUSH:
         message = f"found {', '.join(given) or 'none of them'}; allowed: two of {', '.join(pair)}"
         raise typer.BadParameter(message)
-    from circuitkit.paper.design_sheet import Reach, make_sheet
+    from circuitkit.paper.design_sheet import Reach, make_sheet  # here, for the start-up: see app.py
 
     if output is not None:
         from circuitkit.draw.style import PICTURES, require_suffix
@@ -197,14 +199,12 @@ def _robot(name: str | None, gait: str | None, moment: float | None) -> tuple[Bo
     if name is None:
         return PAPER_BODY, (PAPER_REACH,)
     from circuitkit.base.errors import InputError, Problem, UnknownNameError, listing, suggest
-    from circuitkit.paper.design import PUSHED_AT, robot_and_reaches
+    from circuitkit.paper.design import PUSHED_AT, robot_and_reaches, shipped_bipeds
 
     try:
         return robot_and_reaches(name, gait or "gait_march", PUSHED_AT if moment is None else moment)
     except UnknownNameError as error:
-        from circuitkit.robots import shipped_robots
-
-        names = shipped_robots()
+        names = shipped_bipeds()
         message = f"unknown robot '{name}'; allowed: {listing(names)}, or the path of a robot.yaml"
         raise InputError(Problem("", 0, 0, "--robot", message, suggest(name, names))) from error
 

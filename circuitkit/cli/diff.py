@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 CIRCUITS_DIFFER = 1
 _SIGNS = {"added": "+", "removed": "-", "changed": "~", "renamed": "="}
 
+PLACE = 23
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -43,7 +45,7 @@ def diff(
     Compared is what the files mean, in terms of neurons, synapses, inputs, outputs, parameters and timing. A
     neuron of another name that is otherwise the same counts as renamed. --set changes values of B.
     """
-    from dataclasses import asdict
+    from dataclasses import asdict  # here, for the start-up: see app.py
 
     from circuitkit.circuit.authoring.difference import compare_circuits
 

@@ -19,6 +19,9 @@ class What(Enum):
     ACTIVATIONS = "activations"
 
 
+PLACE = 24
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
@@ -48,7 +51,7 @@ def draw(
 
     The suffix of OUT chooses the format. Missing folders of OUT are made.
     """
-    from circuitkit.draw import draw_activations, draw_circuit
+    from circuitkit.draw import draw_activations, draw_circuit  # here, for the start-up: see app.py
 
     write = {What.GRAPH: draw_circuit, What.ACTIVATIONS: draw_activations}[what]
     write(read_graph(file, settings), output)

@@ -9,6 +9,8 @@ import typer
 
 from circuitkit.cli.printing import examples, note
 
+PLACE = 21
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -38,7 +40,7 @@ def format(
     Order of sections and keys, spacing, indentation, lines of 110 characters, and the spelling of quantities
     are made alike. Comments stay, and so does what the file means. A file with errors is left as it is.
     """
-    from circuitkit.base.errors import InputError
+    from circuitkit.base.errors import InputError  # here, for the start-up: see app.py
     from circuitkit.circuit.authoring.formatting import format_file
 
     wrong = False

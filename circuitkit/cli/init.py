@@ -7,9 +7,21 @@ from typing import Annotated
 
 import typer
 
+import circuitkit
 from circuitkit.cli.printing import examples, note
 
 DEFAULT = Path("circuit.yaml")
+_ROBOT = Path("robot.yaml")
+_STARTERS = Path(circuitkit.__file__).parent / "circuit" / "authoring" / "starters"
+
+
+def _templates() -> str:
+    """The names of the templates, for the help, without the second that importing their module takes."""
+    *most, last = sorted(path.stem for path in _STARTERS.glob("*.yaml"))
+    return f"{', '.join(most)} or {last}"
+
+
+PLACE = 10
 
 
 def register(app: typer.Typer) -> None:
@@ -19,7 +31,7 @@ def register(app: typer.Typer) -> None:
             "circuitkit init",
             "circuitkit init new/walker.yaml --from oscillator",
             "circuitkit init walker.yaml --from population --force",
-            "circuitkit init robot.yaml --robot model.xml",
+            "circuitkit init my_robot.yaml --robot model.xml",
         )
     )(init)
 
@@ -28,7 +40,7 @@ def init(
     file: Annotated[Path, typer.Argument(metavar="[FILE]", help="Where it goes.")] = DEFAULT,
     *,
     template: Annotated[
-        str, typer.Option("--from", metavar="TEMPLATE", help="reflex, oscillator or population.")
+        str, typer.Option("--from", metavar="TEMPLATE", help=f"Of what kind: {_templates()}.")
     ] = "reflex",
     robot: Annotated[
         Path | None,
@@ -43,9 +55,9 @@ def init(
     MJCF. Missing folders of FILE are made.
     """
     if robot is not None:
-        from circuitkit.robots.starter import write_robot_starter  # brings MuJoCo
+        from circuitkit.robots.starter import write_robot_starter  # here, for the start-up: see app.py
 
-        path = write_robot_starter(robot, Path("robot.yaml") if file == DEFAULT else file, force=force)
+        path = write_robot_starter(robot, _ROBOT if file == DEFAULT else file, force=force)
         note(f"wrote {path}")
         note(f"next: a scenario with robot: {path}; docs/robots/README.md has an example")
         return

@@ -8,6 +8,8 @@ import typer
 
 from circuitkit.cli.printing import examples, print_json, print_table
 
+PLACE = 11
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -18,19 +20,32 @@ def register(app: typer.Typer) -> None:
 
 
 def list_shipped(
-    what: Annotated[
-        str | None, typer.Argument(metavar="[WHAT]", help="circuits, robots, scenarios, controllers, ... or all.")
+    kind: Annotated[
+        str | None, typer.Argument(metavar="[KIND]", help="Only these, such as robots or scenarios.")
     ] = None,
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON.")] = False,
 ) -> None:
-    """List what ships and what plug-ins bring, with one line each."""
-    from circuitkit.base.catalogue import catalogue  # reads files
+    """List what ships, with a line about each: what commands and files can name.
 
-    found = catalogue(what)
+    Without KIND, all kinds: circuits, robots, scenarios, controllers and more.
+    """
+    from circuitkit.base.catalogue import catalogue  # here, for the start-up: see app.py
+
+    found = catalogue(kind)
     if as_json:
-        print_json([{"kind": each.kind, "name": each.name, "description": each.description, "file": str(each.path)} for each in found])
+        print_json(
+            [
+                {
+                    "kind": each.kind,
+                    "name": each.name,
+                    "description": each.description,
+                    "file": str(each.path),
+                }
+                for each in found
+            ]
+        )
         return
-    for kind in dict.fromkeys(each.kind for each in found):
-        rows = [(each.name, each.description) for each in found if each.kind == kind]
-        print_table(kind, ("name", "what it is"), rows)
+    for each_kind in dict.fromkeys(each.kind for each in found):
+        rows = [(each.name, each.description) for each in found if each.kind == each_kind]
+        print_table(each_kind, ("name", "what it is"), rows)

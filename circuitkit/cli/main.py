@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_command(words: list[str]) -> int:
-    from typer.main import get_group
+    from typer.main import get_group  # here, for the start-up: see app.py
 
     from circuitkit.cli.app import app
 

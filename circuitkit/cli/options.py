@@ -31,27 +31,35 @@ Verbose: TypeAlias = Annotated[
     bool, typer.Option("--verbose", help="Also say which backend ran it, and why.")
 ]
 SETTINGS = ("--set", "w=2deg")  # for `named_values`
-CONTROLLERS = "open_loop, circuit, mpc, mpc_full, dcm_ankle, stepping, or a controller file"
+CONTROLLERS = "open_loop, circuit, a controller file, or a shipped one of `circuitkit list controllers`"
 Push: TypeAlias = Annotated[
     str | None,
     typer.Option(
-        "--push", metavar="FORCE,DURATION,DIRECTION", help="Push so instead, such as 20N,200ms,inward."
+        "--push",
+        metavar="FORCE,DURATION,DIRECTION",
+        help="Push so instead of as the scenario says, such as 20N,200ms,left.",
     ),
 ]
 Circuit: TypeAlias = Annotated[
     str | None,
     typer.Option("--circuit", metavar="FILE", help="Control with this circuit, a file or a shipped name."),
 ]
+Robot: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--robot", metavar="FILE", help="Take this robot, a file or a shipped name."),
+]
 Seed: TypeAlias = Annotated[
     int | None,
-    typer.Option("--seed", metavar="N", min=0, help="Of the noise and of the push's jitter."),
+    typer.Option("--seed", metavar="N", min=0, help="Of all that is drawn at random: noise, jitter."),
 ]
 Folder: TypeAlias = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="DIR", help="Folder for the recordings and the plots."),
 ]
 Video: TypeAlias = Annotated[bool, typer.Option("--video", help="Also film the robot; needs -o.")]
-Verdicts: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the verdicts as JSON.")]
+Verdicts: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Print outcome and measures as JSON, in SI units.")
+]
 
 
 def named_values(texts: list[str] | None, option: str, example: str) -> dict[str, str]:
@@ -96,6 +104,6 @@ def read_graph(file: str, settings: list[str] | None) -> CircuitGraph:
         typer.BadParameter: `--set` is not of the form NAME=VALUE.
         InputError: The file is wrong, or what `--set` makes of it; the message then names the option.
     """
-    from circuitkit.circuit import load_circuit
+    from circuitkit.circuit import load_circuit  # here, for the start-up: see app.py
 
     return load_circuit(file, named_values(settings, *SETTINGS), option="--set")

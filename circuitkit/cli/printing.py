@@ -5,11 +5,8 @@ from __future__ import annotations
 import json
 import math
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 
-SECONDS_BEFORE_A_BAR = 2.0
 WIDTH_OF_A_PIPE = 160  # characters; a table that no terminal limits is not cut at 80
 
 
@@ -41,7 +38,7 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str
         headings: One for each column; a heading that starts with `>` makes the column flush right.
         rows: One text for each column.
     """
-    from rich import box
+    from rich import box  # here, for the start-up: see app.py
     from rich.console import Console
     from rich.table import Table
 
@@ -57,30 +54,3 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str
 def note(text: object) -> None:
     """Say something beside the result, on stderr."""
     print(text, file=sys.stderr)
-
-
-@contextmanager
-def progress_bar(what: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A bar on stderr that appears after two seconds, if a person is watching.
-
-    Args:
-        what: What is going on, such as "running".
-
-    Yields:
-        A function that takes how much is done of how much; None where stderr is no terminal.
-    """
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    began = time.monotonic()
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None, visible=False)
-
-        def show(done: int, total: int) -> None:
-            late = time.monotonic() - began > SECONDS_BEFORE_A_BAR
-            bar.update(task, completed=done, total=total, visible=late)
-
-        yield show

@@ -12,6 +12,8 @@ from circuitkit.cli.printing import examples, note, print_json, print_table
 if TYPE_CHECKING:
     from circuitkit.paper.reproduce.finding import Claim
 
+PLACE = 50
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -30,7 +32,7 @@ def reproduce(
         list[str] | None,
         typer.Argument(
             metavar="[FIGURE...]",
-            help="fig5 to fig11, polar, robustness, ablation or stepping; all, if none is named.",
+            help="Such as fig9 or robustness; all, if none is named. An unknown name lists them.",
         ),
     ] = None,
     *,
@@ -55,14 +57,14 @@ def reproduce(
     Writes report.html, which carries its pictures, and report.md. A call that was stopped goes on where it
     was when it is given again.
     """
-    from dataclasses import asdict
+    from dataclasses import asdict  # here, for the start-up: see app.py
 
     if output.exists() and not output.is_dir():
         message = f"'{output}' is no folder"
         raise typer.BadParameter(message, param_hint="--output")
     from circuitkit.paper.reproduce import reproduce as make
 
-    made = make(figures or [], output, quick=quick, workers=workers, again=again, progress=True, say=note)
+    made = make(figures or [], output, quick=quick, workers=workers, again=again, progress=True, log=note)
     claims = [(finding.figure, claim) for finding in made.findings for claim in finding.claims]
     if as_json:
         print_json([{"figure": figure, **asdict(claim)} for figure, claim in claims])

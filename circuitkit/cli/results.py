@@ -28,7 +28,7 @@ def finish(
     as_json: bool,
     verbose: bool,
 ) -> None:
-    """Print verdicts; a run that was stopped by Ctrl-C has its say too, and then ends the command.
+    """Print the outcomes; a run that was stopped by Ctrl-C has its say too, and then ends the command.
 
     Args:
         results: The runs.
@@ -60,16 +60,23 @@ def print_results(results: Sequence[Result]) -> None:
     rows = [result.row() for result in results]
     units: dict[str, Unit | None] = {}
     for result in results:
-        units |= {name: result.recording.judge.units.get(name) for name in result.measures}
+        units |= result.units
     shown = [name for name in units if name not in _TOLD and any(row.get(name) is not None for row in rows)]
+    pushed = any(row["push"] is not None for row in rows)
     print_table(
         ", ".join(dict.fromkeys(str(row["scenario"]) for row in rows)),
-        ("controller", ">seed", "push", "outcome", *(f">{_heading(name, units[name])}" for name in shown)),
+        (
+            "controller",
+            ">seed",
+            *(("push",) if pushed else ()),
+            "outcome",
+            *(f">{_heading(name, units[name])}" for name in shown),
+        ),
         (
             (
                 str(row["controller"]),
                 str(row["seed"]),
-                _push(row["push"]),
+                *((_push(row["push"]),) if pushed else ()),
                 result.outcome,
                 *(_measure(row.get(name), units[name]) for name in shown),
             )
@@ -88,10 +95,14 @@ def _heading(name: str, unit: Unit | None) -> str:
 
 
 def _push(push: Mapping[str, Any] | None) -> str:
+    """The first push, and how many there are besides."""
     if push is None:
         return "none"
-    force = "torque" if push["force_n"] is None else f"{push['force_n']:g} N"
-    return f"{force}, {push['duration_s'] * 1e3:g} ms, {push['direction']}"
+    size = f"{push['torque_nm']:g} N*m" if push["force_n"] is None else f"{push['force_n']:g} N"
+    seconds = push["duration_s"]
+    lasts = f"{seconds:g} s" if seconds >= 1 else f"{seconds * 1e3:g} ms"
+    more = f", and {push['pushes'] - 1} more" if push["pushes"] > 1 else ""
+    return f"{size}, {lasts}, {push['direction']}{more}"
 
 
 def _measure(value: float | bool | None, unit: Unit | None) -> str:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from circuitkit.base.progress import progress_bar
 from circuitkit.cli.options import Backend, CircuitFile, Settings, Verbose, named_values, read_graph
-from circuitkit.cli.printing import examples, note, print_json, progress_bar
+from circuitkit.cli.printing import examples, note, print_json
 
 if TYPE_CHECKING:
     from circuitkit.engine.table import RunTable
@@ -21,6 +22,9 @@ class Precision(Enum):
 
     FLOAT64 = "float64"
     FLOAT32 = "float32"
+
+
+PLACE = 25
 
 
 def register(app: typer.Typer) -> None:
@@ -105,7 +109,7 @@ def run(
     constants = named_values(values, "--input", "zmp_y=70mm")
     if realtime is not None:
         _require_nothing_else(steps=steps, record=record, output=output)
-        from circuitkit.cli.realtime import run_realtime
+        from circuitkit.cli._realtime import run_realtime  # here, for the start-up: see app.py
 
         run_realtime(
             read_graph(file, settings),

@@ -9,6 +9,8 @@ import typer
 
 from circuitkit.cli.printing import examples, note, print_json
 
+PLACE = 26
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -25,7 +27,7 @@ def schema(
     Editors that know it complete and check circuit files as they are typed. The first line of a circuit file
     names it: # yaml-language-server: $schema=circuit.schema.json
     """
-    import json
+    import json  # here, for the start-up: see app.py
 
     from circuitkit.base.files import write_text
     from circuitkit.circuit import circuit_schema

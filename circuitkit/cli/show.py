@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from circuitkit.circuit import CircuitGraph
     from circuitkit.circuit.graph import Neuron, OutputNode, Population, Projection, Synapse
 
+PLACE = 22
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -60,7 +62,7 @@ def show(
         raise typer.BadParameter(message)
     graph = read_graph(file, settings)
     if neuron is not None:
-        from circuitkit.cli.explaining import show_neuron
+        from circuitkit.cli._explaining import show_neuron  # here, for the start-up: see app.py
 
         show_neuron(graph, neuron, output, as_json=as_json)
         return

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _MINUTE_S, _HOUR_S = 60.0, 3600.0
 
+PLACE = 40
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -85,7 +87,7 @@ def sweep(
     if output is None and not dry_run:
         message = "name a folder for the results: -o DIR"
         raise typer.BadParameter(message, param_hint="--output")
-    from circuitkit.study import load_study
+    from circuitkit.study import load_study  # here, for the start-up: see app.py
 
     loaded = load_study(study)
     if seeds is not None:
@@ -151,6 +153,7 @@ def _of_share(share: Share) -> dict[str, Any]:
         "survived": share.survived,
         "runs": share.runs,
         "interval": list(share.interval),
+        "means": dict(share.means),
     }
 
 
@@ -160,11 +163,17 @@ def print_found(results: Results, by: Sequence[str] | None = None) -> None:
     if search is None or by is not None:
         shares = results.shares(by)
         rows = (
-            (*share.texts.values(), f"{share.survived} of {share.runs}", _percents(share.interval))
+            (
+                *share.texts.values(),
+                f"{share.survived} of {share.runs}",
+                _percents(share.interval),
+                *("-" if math.isnan(mean) else f"{mean:.4g}" for mean in share.means.values()),
+            )
             for share in shares
         )
-        headings = (*shares[0].texts, ">survived", "95 % interval")
-        print_table(study.name, headings, rows)
+        means = [f">{name}" for name in shares[0].means]
+        title = f"{study.name}{', means of the other measures in SI units' if means else ''}"
+        print_table(title, (*shares[0].texts, ">survived", "95 % interval", *means), rows)
         return
     unit = search.unit
     found = (
@@ -177,7 +186,13 @@ def print_found(results: Results, by: Sequence[str] | None = None) -> None:
         )
         for limit in results.limits()
     )
-    headings = (*study.axes, f">largest {_last(search.field)}", ">survived", "95 % interval", ">fails at")
+    headings = (
+        *study.axes,
+        f">largest {_last(search.field)}",
+        f">{search.condition}",
+        "95 % interval",
+        ">fails at",
+    )
     print_table(f"{study.name}: {search.field}", headings, found)
 
 
@@ -197,7 +212,7 @@ def _percents(interval: tuple[float, float]) -> str:
 
 def _print_estimate(study: Study, workers: int | None, *, as_json: bool) -> None:
     from circuitkit.study.driver import estimate
-    from circuitkit.study.pool import processors
+    from circuitkit.study.workers import processors
 
     found = estimate(study)
     count = workers or processors()

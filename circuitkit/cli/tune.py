@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,12 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from circuitkit.base.progress import progress_bar
 from circuitkit.cli.main import INTERRUPTED
-from circuitkit.cli.printing import SECONDS_BEFORE_A_BAR, examples, note, print_json, print_table
+from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
-    from circuitkit.study.tuning.run import Progress, Tuned
+    from circuitkit.study.tuning.measure import Progress
+    from circuitkit.study.tuning.run import Tuned
     from circuitkit.study.tuning.spec import Tuning
+
+PLACE = 41
 
 
 def register(app: typer.Typer) -> None:
@@ -79,7 +82,7 @@ def tune(
     Candidates are compared by training runs; the best one is then measured once, by test runs on other seeds.
     Ctrl-C keeps what is known and writes the best so far.
     """
-    from circuitkit.study.tuning.run import tune as run_tuning
+    from circuitkit.study.tuning.run import tune as run_tuning  # here, for the start-up: see app.py
     from circuitkit.study.tuning.spec import load_tuning
 
     tuning = load_tuning(study)
@@ -101,7 +104,7 @@ def tune(
     else:
         _print(tuning, tuned)
         note(f"wrote {tuned.path}")
-    if tuned.found.interrupted:
+    if tuned.history.interrupted:
         raise typer.Exit(INTERRUPTED)
 
 
@@ -123,7 +126,7 @@ def _print(tuning: Tuning, tuned: Tuned) -> None:
         (name, *(f"{figures[number]:.4g}" for _, _, figures in shown)) for number, name in enumerate(names)
     ]
     headings = ("", *(f">{heading}" for heading, _, _ in shown))
-    print_table(f"{tuning.file.study}: {len(tuned.found.told)} candidates", headings, rows)
+    print_table(f"{tuning.file.study}: {len(tuned.history.trials)} candidates", headings, rows)
     moved = [
         (name, tuned.start.settings.get(name, "") if tuned.start else "", text)
         for name, text in best.settings.items()
@@ -133,32 +136,23 @@ def _print(tuning: Tuning, tuned: Tuned) -> None:
 
 @contextmanager
 def _progress(*, verbose: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """A bar on a terminal after two seconds; with `verbose` a line for each generation."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    if not (console.is_terminal or verbose):
-        yield None
-        return
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn
-    from rich.progress import Progress as Bar
-
-    began = time.monotonic()
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("tuning", total=None, visible=False)
+    """A bar on a terminal; with `verbose` a line for each generation."""
+    with progress_bar("tuning") as advance:
+        if advance is None and not verbose:
+            yield None
+            return
         known = -1
 
-        def tell(progress: Progress) -> None:
+        def report(progress: Progress) -> None:
             nonlocal known
             words = _in_words(progress)
-            late = time.monotonic() - began > SECONDS_BEFORE_A_BAR
-            bar.update(task, completed=progress.done, total=progress.trials, description=words, visible=late)
+            if advance is not None:
+                advance(progress.done, progress.trials, words)
             if verbose and progress.best is not None and progress.measured > known:
                 known = progress.measured
-                console.print(words, highlight=False, markup=False)
+                note(words)
 
-        yield tell
+        yield report
 
 
 def _in_words(progress: Progress) -> str:

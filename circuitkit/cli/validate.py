@@ -12,6 +12,8 @@ from circuitkit.cli.printing import examples, note, print_json
 if TYPE_CHECKING:
     from circuitkit.base.errors import Problem
 
+PLACE = 20
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -37,7 +39,7 @@ def validate(
 
     Warnings do not make a file invalid.
     """
-    from dataclasses import asdict
+    from dataclasses import asdict  # here, for the start-up: see app.py
 
     values = named_values(settings, *SETTINGS)
     findings = {file: _check(file, values) for file in files}

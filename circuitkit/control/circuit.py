@@ -30,7 +30,7 @@ class CircuitController:
         self,
         circuit: CircuitGraph | str | Path,
         *,
-        connect: Mapping[str, Mapping[str, str]] | None = None,
+        connect: Mapping[str, Mapping[str, str | None]] | None = None,
         settings: Mapping[str, str] | None = None,
         silenced: Sequence[str] = (),
         backend: str = "auto",
@@ -41,7 +41,7 @@ class CircuitController:
         Args:
             circuit: The circuit, its file, or the name of a shipped one.
             connect: `inputs`, the channel that an input reads, and `outputs`, the command that an output
-                writes, where their names differ.
+                writes, where their names differ; None for an output that writes none.
             settings: Values that take the place of the circuit's, such as `{"w": "2 deg"}`; only for a file.
             silenced: Neurons, inputs and connections that are silent; see `silence`.
             backend: What runs the circuit; see `compile_circuit`.
@@ -98,19 +98,22 @@ class BoundCircuit:
         graph: CircuitGraph,
         program: Program,
         interface: Interface,
-        inputs: Mapping[str, str],
-        outputs: Mapping[str, str],
+        inputs: Mapping[str, str | None],
+        outputs: Mapping[str, str | None],
     ) -> None:
         self.name = name
         self.graph = graph
-        names = [inputs.get(node.name, node.name) for node in graph.inputs]
+        names = [inputs.get(node.name) or node.name for node in graph.inputs]
         planned = interface.planned
         self.observations = tuple(name for name in names if name not in planned)
         self._sensed = [i for i, name in enumerate(names) if name not in planned]
         self._intended = [i for i, name in enumerate(names) if name in planned]
         columns = [planned[names[i]].values for i in self._intended]
         self._plan = np.column_stack(columns) if columns else None
-        self.commands = tuple(outputs.get(node.name, node.name) for node in graph.outputs)
+        written = [outputs.get(node.name, node.name) for node in graph.outputs]
+        self.commands = tuple(name for name in written if name is not None)
+        kept = [i for i, name in enumerate(written) if name is not None]
+        self._kept = None if len(kept) == len(written) else kept
         self._program = program
         self.trace_names = tuple(program.neuron_names)
         self.backend = program.note or f"backend {program.backend}"
@@ -122,13 +125,21 @@ class BoundCircuit:
         self._stepper = Stepper(self._program, batch)
         self._inputs = self._stepper.inputs
 
+    def seed_noise(self, seeds: Sequence[int]) -> None:
+        """Let the noise of each robot's circuit follow from the robot's seed."""
+        state = self._stepper.state
+        state.seed = np.array([seed % 2**64 for seed in seeds], dtype=np.uint64)
+        self._stepper.state = state
+
     def step(self, observation: Array) -> Array:
         """Outputs of the circuit, shape (B, m), SI units."""
         # One call for all of it: the sum of squares is finite where every reading is.
         if math.isfinite(np.vdot(observation, observation)):
             self._take(observation)
-            return self._stepper.step()
-        return self._step_where_finite(observation)
+            readout = self._stepper.step()
+        else:
+            readout = self._step_where_finite(observation)
+        return readout if self._kept is None else readout[:, self._kept]
 
     def store_trace(self, row: Array) -> None:
         """Write the outputs of all neurons; shape (B, n)."""
@@ -156,7 +167,7 @@ class BoundCircuit:
 
 
 def _strangers(
-    side: str, joined: Mapping[str, str], nodes: Iterable[InputNode | OutputNode]
+    side: str, joined: Mapping[str, str | None], nodes: Iterable[InputNode | OutputNode]
 ) -> Iterable[Problem]:
     """Names in `connect` that the circuit does not have."""
     names = [node.name for node in nodes]
@@ -170,7 +181,7 @@ def _mismatches(
     kind: str,
     nodes: Iterable[InputNode | OutputNode],
     channels: Mapping[str, Unit],
-    joined: Mapping[str, str],
+    joined: Mapping[str, str | None],
     word: str,
 ) -> Iterable[Problem]:
     """What keeps the inputs or outputs of a circuit from being channels or commands of a robot."""
@@ -179,6 +190,8 @@ def _mismatches(
         place, where = (origin.file, origin.line, origin.column), f"{kind}s.{node.name}"
         if node.name in joined:
             place, where = ("", 0, 0), f"connect.{kind}s.{node.name}"
+        if name is None:
+            continue
         if name not in channels:
             message = f"the robot has no {word} '{name}'; allowed: {listing(channels)}"
             more = "" if node.name in joined else f"connect: {{{kind}s: {{{name}: NAME}}}} in the scenario joins another name"

@@ -1,10 +1,10 @@
-"""The picture of a circuit lit by its neurons' activity, frame by frame, from the drawing that `draw_circuit` makes."""
+"""The picture of a circuit, as `draw_circuit` makes it, lit by its neurons' activity, frame by frame."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,9 @@ from circuitkit.draw.marks import line_ids, node_id
 from circuitkit.draw.network import Network, make_network
 from circuitkit.draw.style import KIND_COLOUR, house_style
 
-_POINTS_PER_INCH = 72.0
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _FAINT = 0.28  # opacity of a line that carries nothing
 _MOST_PARTS = 160  # each is drawn once by itself; of larger circuits only the neurons light up
 _DARK = 110.0  # on a darker ground words are white
@@ -48,7 +50,8 @@ class LitNetwork:
     """A circuit's picture, of a size, whose neurons and lines are the stronger the more active a neuron is.
 
     Attributes:
-        boxes: Middle and lower edge of each input and output in the picture, [pixels].
+        boxes: Left, upper, right and lower edge of each input and output in the picture, [pixels].
+        width: Of the picture, [pixels].
         members: The member names of each population.
     """
 
@@ -63,13 +66,16 @@ class LitNetwork:
             inches = figure.get_size_inches()
             dpi = min(width / inches[0], height / inches[1])
             figure.set_dpi(dpi)
-            self._parts, self._still, self._words = _layers(figure, network)
+            self._parts, self._still, words = _layers(figure, network)
+        self._written = np.flatnonzero(words)  # pixels; the others need not be looked at for words
+        self._words = words.reshape(-1, 1)[self._written]
         ends = [node for node in network.nodes if node.role in {"input", "output"}]
         artists = {artist.get_gid(): artist for artist in figure.axes[0].patches}
+        height, self.width = self._still.shape[:2]
         self.boxes = {}
         for node in ends:
             box = artists[node_id(node.name)].get_window_extent()
-            self.boxes[node.name] = ((box.x0 + box.x1) / 2, self._still.shape[0] - box.y0)
+            self.boxes[node.name] = (box.x0, height - box.y1, box.x1, height - box.y0)
 
     def picture(self, activity: Mapping[str, float]) -> Image:
         """The picture under some activity by neuron; 1 is full. Shape (height, width, 3)."""
@@ -84,50 +90,69 @@ class LitNetwork:
             if share > _SEEN:
                 view = image[part.rows, part.columns]
                 view += part.cover * share * (part.colour - view)
-        dark = image.mean(axis=2, keepdims=True) < _DARK
-        image += self._words * (np.where(dark, np.float32(255.0), np.float32(20.0)) - image)
-        return image.clip(0, 255).astype(np.uint8)
+        pixels = image.reshape(-1, 3)
+        ground = pixels[self._written]
+        dark = ground.sum(axis=1, keepdims=True) < 3 * _DARK
+        ink = np.where(dark, np.float32(255.0), np.float32(20.0))
+        pixels[self._written] = ground + self._words * (ink - ground)
+        return image.astype(np.uint8)
 
 
-def _layers(figure: Any, network: Network) -> tuple[list[_Part], NDArray[np.float32], NDArray[np.float32]]:  # noqa: ANN401 - a figure
+def _layers(figure: Figure, network: Network) -> tuple[list[_Part], NDArray[np.float32], NDArray[np.float32]]:
     """What can be lit, the picture at rest, and how far words cover each pixel."""
     axes = figure.axes[0]
     patches, texts = list(axes.patches), list(axes.texts)
-    by_id: dict[str, list[Any]] = {}
-    for patch in patches:
-        by_id.setdefault(patch.get_gid() or "", []).append(patch)
-    wanted: list[tuple[str, str, list[Any]]] = []
-    for node in network.nodes:
-        if node.role in KIND_COLOUR:
-            wanted.append((node.name, KIND_COLOUR[node.role], by_id.get(node_id(node.name), [])))
-    lines = []
-    for link in directed_links(network):
-        drawn = [patch for name in line_ids(link) for patch in by_id.get(name, [])]
-        lines.append((link.source, KIND_COLOUR[link.kind], drawn))
-    chosen = [*lines, *wanted] if len(lines) + len(wanted) <= _MOST_PARTS else wanted
-    for text in texts:
-        text.set_visible(False)
+    lines, neurons = _lit_by(network, patches)
+    chosen = [*lines, *neurons] if len(lines) + len(neurons) <= _MOST_PARTS else neurons
+    _show(texts, shown=False)
     parts = [part for each in chosen if (part := _part(figure, patches, *each)) is not None]
-    for patch in patches:
-        patch.set_visible(True)
+    _show(patches)
     for _, _, drawn in lines:
         for patch in drawn:
             patch.set_alpha(_FAINT)
     still = _drawn(figure)
-    for patch in patches:
-        patch.set_visible(False)
-    for text in texts:
-        text.set_visible(True)
-    words = 1.0 - _drawn(figure).min(axis=2, keepdims=True) / 255.0
+    _show(patches, shown=False)
+    _show(texts)
+    words = 1.0 - _drawn(figure).min(axis=2) / 255.0
     return parts, still, words.astype(np.float32)
 
 
-def _part(figure: Any, patches: list[Any], source: str, colour: str, drawn: list[Any]) -> _Part | None:  # noqa: ANN401 - a figure
+_Lit: TypeAlias = (
+    "list[tuple[str, str, list[Any]]]"  # the node that lights patches, their colour, the patches
+)
+
+
+def _lit_by(network: Network, patches: list[Any]) -> tuple[_Lit, _Lit]:
+    """The lines and the neurons of the drawing."""
+    by_id: dict[str, list[Any]] = {}
+    for patch in patches:
+        by_id.setdefault(patch.get_gid() or "", []).append(patch)
+    neurons = [
+        (node.name, KIND_COLOUR[node.role], by_id.get(node_id(node.name), []))
+        for node in network.nodes
+        if node.role in KIND_COLOUR
+    ]
+    lines = [
+        (
+            link.source,
+            KIND_COLOUR[link.kind],
+            [each for name in line_ids(link) for each in by_id.get(name, [])],
+        )
+        for link in directed_links(network)
+    ]
+    return lines, neurons
+
+
+def _show(artists: list[Any], *, shown: bool = True) -> None:
+    for artist in artists:
+        artist.set_visible(shown)
+
+
+def _part(figure: Figure, patches: list[Any], source: str, colour: str, drawn: list[Any]) -> _Part | None:
     """One part drawn alone in black on white: how far it covers each pixel."""
     if not drawn:
         return None
-    for patch in patches:
-        patch.set_visible(False)
+    _show(patches, shown=False)
     kept = []
     for patch in drawn:
         kept.append((patch, patch.get_edgecolor(), patch.get_facecolor()))
@@ -147,6 +172,7 @@ def _part(figure: Any, patches: list[Any], source: str, colour: str, drawn: list
     return _Part(source, *where, cover[where].astype(np.float32), rgb)
 
 
-def _drawn(figure: Any) -> NDArray[np.float32]:  # noqa: ANN401 - a figure
-    figure.canvas.draw()
-    return np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(np.float32)
+def _drawn(figure: Figure) -> NDArray[np.float32]:
+    canvas: Any = figure.canvas
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].astype(np.float32)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from circuitkit.draw.style import (
     GREY,
     INK,
     KIND_COLOUR,
+    NORMAL,
     PICTURES,
     SMALL,
     axes_at,
@@ -34,7 +35,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH = 7.2  # [in]
-_LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN = 0.95, 0.2, 0.3, 0.5, 0.22  # [in]
+_LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN = 0.95, 0.2, 0.1, 0.5, 0.22  # [in]
+_WORDS = 0.18  # a line of words above the first panel, [in]
+_POINTS_PER_INCH = 72.0
 _ROW_HEIGHT = 0.17  # of a neuron, [in]
 _MOST_COLUMNS = 4000  # of the raster; more are not seen
 
@@ -100,13 +103,13 @@ class Activity:
         names: Of the neurons.
         outputs: Shape (T, n), dimensionless.
         roles: "excitatory" or "inhibitory" by name; colours the names.
-        full: Output that is shown darkest.
+        full: Output that is shown darkest: one for all, or one for each neuron.
     """
 
     names: Sequence[str]
     outputs: npt.ArrayLike
     roles: Mapping[str, str] = field(default_factory=dict)
-    full: float = 1.0
+    full: float | Sequence[float] = 1.0
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,7 @@ def draw_traces(
     panels: Sequence[Panel] = (),
     activity: Activity | None = None,
     spans: Sequence[Span] = (),
+    title: str = "",
 ) -> None:
     """Draw panels above each other over the same time, the neurons' activity last.
 
@@ -133,13 +137,14 @@ def draw_traces(
         panels: From top to bottom.
         activity: Neurons to show.
         spans: Stretches of time to mark.
+        title: Stands above all.
 
     Raises:
         InputError: Another suffix, or a curve that is not as long as the time.
         OutputError: The file cannot be written.
     """
     require_suffix(path, PICTURES)
-    save_figure(traces_figure(time_s, panels, activity, spans), path)
+    save_figure(traces_figure(time_s, panels, activity, spans, title), path)
 
 
 def traces_figure(
@@ -147,24 +152,31 @@ def traces_figure(
     panels: Sequence[Panel] = (),
     activity: Activity | None = None,
     spans: Sequence[Span] = (),
+    title: str = "",
 ) -> Figure:
     """As `draw_traces`, but the figure itself."""
     time = np.asarray(time_s, dtype=np.float64)
+    # Above the first panel, from the top: the title, the panel's legend, and what the spans say.
+    told = any(span.text for span in spans)
+    named = activity is not None if not panels else any(line.name for line in panels[0].lines)
+    above = _TOP + _WORDS * (bool(title) + told + (named or not told))
     heights = [panel.height for panel in panels]
     if activity is not None:
         heights.append(_ROW_HEIGHT * max(2, len(activity.names)))
-    total = _TOP + sum(heights) + _BETWEEN * max(0, len(heights) - 1) + _BOTTOM
+    total = above + sum(heights) + _BETWEEN * max(0, len(heights) - 1) + _BOTTOM
     with house_style():
         figure = new_figure(_WIDTH, total)
         shared: Axes | None = None
-        top = _TOP
+        top = above
+        if title:
+            figure.text(_TOP / _WIDTH, 1 - _TOP / total, title, va="top", fontsize=NORMAL, parse_math=False)
         for i, height in enumerate(heights):
             axes = axes_at(figure, _LEFT, top, _WIDTH - _LEFT - _RIGHT, height, sharex=shared)
             shared = shared or axes
             if i < len(panels):
-                paint_panel(axes, time, panels[i])
+                paint_panel(axes, time, panels[i], _WORDS if i == 0 and told else 0.0)
             elif activity is not None:
-                paint_activity(axes, time, activity)
+                paint_activity(axes, time, activity, _WORDS if i == 0 and told else 0.0)
             _paint_spans(axes, spans, words=i == 0)
             axes.tick_params(labelbottom=i == len(heights) - 1)
             top += height + _BETWEEN
@@ -175,8 +187,14 @@ def traces_figure(
     return figure
 
 
-def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel) -> None:
-    """Bands and curves with their legend beside them.
+def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel, lift_in: float = 0.0) -> None:
+    """Bands and curves with their legend above them.
+
+    Args:
+        axes: Where.
+        time_s: Shape (T,), [s].
+        panel: What.
+        lift_in: How far above the axes the legend begins, [in].
 
     Raises:
         InputError: A curve is not as long as the time.
@@ -198,12 +216,21 @@ def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel) -> No
     tidy(axes)
     entries = axes.get_legend_handles_labels()[1]
     if entries:
-        columns = {"ncols": len(entries), "columnspacing": 1.2}
-        plain_legend(axes, "lower right", (1.0, 1.0), handlelength=1.6, borderaxespad=0.1, **columns)
+        columns: Any = {"ncols": len(entries), "columnspacing": 1.2, "handlelength": 1.6}
+        at = 1.0, 1.0 + lift_in * axes.figure.dpi / axes.bbox.height
+        plain_legend(axes, "lower right", at, borderaxespad=0.1, **columns)
 
 
-def paint_activity(axes: Axes, time_s: npt.NDArray[np.float64], activity: Activity) -> None:
+def paint_activity(
+    axes: Axes, time_s: npt.NDArray[np.float64], activity: Activity, lift_in: float = 0.0
+) -> None:
     """Paint a raster: the first neuron on top.
+
+    Args:
+        axes: Where.
+        time_s: Shape (T,), [s].
+        activity: What.
+        lift_in: How far above the axes its key stands, [in].
 
     Raises:
         InputError: The outputs are not one row for each time and one column for each neuron.
@@ -213,18 +240,22 @@ def paint_activity(axes: Axes, time_s: npt.NDArray[np.float64], activity: Activi
     if outputs.shape != wanted:
         message = f"found shape {outputs.shape}; allowed: {wanted}, a row a time and a column a neuron"
         raise InputError(Problem("", 0, 0, "activity", message))
+    full = np.asarray(activity.full, dtype=np.float64)
     if len(time_s):
-        edges, shown = _columns(time_s, outputs)
+        edges, shown = _columns(time_s, outputs / full)
         rows = np.arange(len(activity.names) + 1) - 0.5
-        axes.pcolormesh(edges, rows, shown.T, cmap="Greys", vmin=0.0, vmax=activity.full, rasterized=True)
+        axes.pcolormesh(edges, rows, shown.T, cmap="Greys", vmin=0.0, vmax=1.0, rasterized=True)
     for row in range(1, len(activity.names)):
         axes.axhline(row - 0.5, color="white", linewidth=1.2)
     axes.set_ylim(max(len(activity.names), 1) - 0.5, -0.5)
     axes.set_yticks(range(len(activity.names)), list(activity.names))
     tidy(axes, grid=False)
     axes.tick_params(axis="y", length=0)
-    key = f"neuron outputs: white 0, black {number(activity.full)}"
-    axes.text(1.0, 1.0, key, transform=axes.transAxes, ha="right", va="bottom", fontsize=SMALL, color=GREY)
+    darkest = number(float(full)) if full.ndim == 0 else "the largest of each"
+    words: Any = {"ha": "right", "va": "bottom", "fontsize": SMALL, "color": GREY}
+    above = (0, lift_in * _POINTS_PER_INCH)
+    place: Any = {"xycoords": "axes fraction", "textcoords": "offset points"}
+    axes.annotate(f"neuron outputs: white 0, black {darkest}", (1.0, 1.0), above, **place, **words)
     for tick, name in zip(axes.get_yticklabels(), activity.names, strict=True):
         tick.set(color=KIND_COLOUR.get(activity.roles.get(name, ""), INK), fontsize=SMALL)
 

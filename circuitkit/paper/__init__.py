@@ -1,1 +1,1 @@
-"""What only the paper needs."""
+"""Holds what only the paper needs: its equations, figures, report and the search of its gaits."""

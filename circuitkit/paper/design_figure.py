@@ -1,15 +1,16 @@
-"""The picture of a design: w against force (the paper's Fig. 7), and force against duration."""
+"""Draws a design: w against force (the paper's Fig. 7), and force against duration."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from circuitkit.biped.gait import design as eq
 from circuitkit.draw.style import (
     CYCLE,
     INK,
@@ -23,11 +24,8 @@ from circuitkit.draw.style import (
     save_figure,
     tidy,
 )
+from circuitkit.paper import equations as eq
 from circuitkit.paper.design_sheet import Bound, Sheet, show
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 UNSTABLE = "#dedede"  # the region of Fig. 7
 _WIDTH, _HEIGHT = 3.1, 2.5  # of a panel, [in]
@@ -59,7 +57,7 @@ def draw_design(sheet: Sheet, path: str | Path) -> None:
 
 
 def design_figure(sheet: Sheet) -> Figure:
-    """On the left w against force for this duration, on the right force against duration for this w."""
+    """Draw w against force for this duration on the left, force against duration for this w on the right."""
     rows = 3 + 2 * len(sheet.bounds)
     with house_style():
         width = _LEFT + 2 * _WIDTH + _BETWEEN + _RIGHT
@@ -70,7 +68,7 @@ def design_figure(sheet: Sheet) -> Figure:
 
 
 def paint_weights(axes: Axes, sheet: Sheet) -> None:
-    """Eq. 21 for the push's duration: above it the ankles are quick enough, below not; and the bounds."""
+    """Paint eq. 21 for the push's duration, above which the ankles are quick enough, and the bounds."""
     body = sheet.body
     # The bound nearest to the push is shown; others may lie far beside it.
     bounds = [value for bound in sheet.bounds for value in (bound.lasting_force_n, bound.force_n)]
@@ -104,7 +102,7 @@ def paint_weights(axes: Axes, sheet: Sheet) -> None:
 
 
 def paint_forces(axes: Axes, sheet: Sheet) -> None:
-    """What can be held for how long: by eq. 21 with this w, by eq. 22, and by the bound of the DCM."""
+    """Paint what can be held for how long by eq. 21 with this w, by eq. 22, and by the bound of the DCM."""
     body = sheet.body
     last_s = max(min(_SHORT_S, 4.0 * sheet.duration_s), _ROOM * sheet.duration_s)
     time = np.linspace(_SHORTEST_S, last_s, _POINTS)

@@ -1,4 +1,4 @@
-"""The design equations applied to one push: w, the bounds, where the equations are valid, and their traps."""
+"""Applies the design equations to one push: w, the bounds, where the equations are valid, and their traps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.units import format_quantity, parse_unit
-from circuitkit.biped.gait import design as eq
+from circuitkit.paper import equations as eq
 
 PAPER_GAMMA = 1.01  # Fig. 7
 PAPER_STEP_S = 0.01  # section 5.1
@@ -232,7 +232,7 @@ def _complete(
     gamma: float,
     step_s: float,
 ) -> tuple[float, float, float]:
-    """Force, duration and w, of which one is not given."""
+    """Complete force, duration and w, of which one is not given."""
     mass, height = body.mass_kg, body.com_height_m
     if weight_rad is None and force_n is not None and duration_s is not None:
         weight = eq.weight_against_push(force_n, duration_s, mass, height, step_s, gamma)
@@ -270,7 +270,7 @@ def _weight_by_lever(body: Body, shift_m: float) -> float | None:
 def _checks(
     body: Body, duration_s: float, weight_rad: float, shift_m: float, step_s: float, leak: float
 ) -> Iterator[Check]:
-    """The conditions under which eq. 21 means what it says."""
+    """Check the conditions under which eq. 21 means what it says."""
     yield Check(
         "a short push (section 4.2)",
         f"less than {show(SHORT_PUSH_S, 's')}",
@@ -303,7 +303,7 @@ def _checks(
 
 
 def _until(body: Body, weight_rad: float, leak: float) -> int:
-    """Whole steps within the ankle's range, for an angle that leaves it: w (1 - (1 - l)^n) / l is its end."""
+    """Count the whole steps within the ankle's range, whose end is w (1 - (1 - l)^n) / l."""
     steps = body.ankle_limit_rad / weight_rad
     if leak > 0:
         steps = math.log1p(-leak * steps) / math.log1p(-leak) if leak < 1 else 0.0
@@ -311,7 +311,7 @@ def _until(body: Body, weight_rad: float, leak: float) -> int:
 
 
 def _traps(body: Body, weight_rad: float, push_height_m: float) -> Iterator[str]:
-    """What the equations leave out, in numbers of this robot."""
+    """Say what the equations leave out, in numbers of this robot."""
     mass, height = body.mass_kg, body.com_height_m
     bare = eq.zmp_shift_from_acceleration(
         eq.com_acceleration_from_torque(PAPER_MOTOR_TORQUE_NM, mass, height), height
@@ -356,7 +356,7 @@ def _traps(body: Body, weight_rad: float, push_height_m: float) -> Iterator[str]
 
 
 def show(value: float, unit: str, digits: int = 4) -> str:
-    """An SI value as it is read best, such as `22.58 N` or `200 ms`; `for ever` if it is no finite time.
+    """Write an SI value as it is read best, such as `22.58 N`; `for ever` if it is no finite time.
 
     Args:
         value: In SI units.

@@ -1,8 +1,8 @@
-"""The paper's design equations (13, 16, 17, 19-22) and the bound of the DCM, each with its inverses.
+"""Holds the paper's design equations (13, 16, 17, 19-22) and the bound of the DCM, each with its inverses.
 
 Plain functions of numbers in SI units. What goes into a circuit file is the weight w, the angle that a fully
-active neuron adds to the ankle in a step (eqs. 14 and 15). `gait.design_sheet` applies them all to one push
-and says where each is valid; docs/design.md tells what they leave out.
+active neuron adds to the ankle in a step (eqs. 14 and 15). `design_sheet` applies them all to one push
+and says where each is valid; docs/design.md says what they leave out.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def require_positive(**values: float) -> None:
         values: By name; the name stands in the message.
 
     Raises:
-        InputError: One is zero, negative, infinite or not a number; all of them are told.
+        InputError: One is zero, negative, infinite or not a number; all of them are listed.
     """
     _require({name: (value, 0 < value < math.inf) for name, value in values.items()}, "more than 0")
 
@@ -346,7 +346,7 @@ def largest_lasting_force(distance_m: float, mass_kg: float, com_height_m: float
 
     The paper puts the CoM at its best place, 0.06 m, and the ZMP at the edge, -0.06 m, which gives 22.58 N
     with g = 9.81 (it prints 22.48). Valid for a CoM at rest; one that moves has its DCM in the place of y_CoM
-    (`gait.lipm.dcm`).
+    (`biped.gait.lipm.dcm`).
 
     Args:
         distance_m: y_CoM - y_ZMP, from the CoM or DCM to the edge.
@@ -380,7 +380,7 @@ def distance_for_lasting_force(force_n: float, mass_kg: float, com_height_m: flo
 def largest_force_for_duration(
     distance_m: float, duration_s: float, mass_kg: float, com_height_m: float
 ) -> float:
-    """F = m omega^2 L / (1 - exp(-omega d)), in newtons: the bound of the DCM, see `gait.lipm`.
+    """F = m omega^2 L / (1 - exp(-omega d)), in newtons: the bound of the DCM, see `biped.gait.lipm`.
 
     Valid for a point mass at a constant height over feet that stay; the arms, the hips and a step can do
     more. Eq. 22 is its limit for a lasting push.

@@ -1,4 +1,4 @@
-"""How clean a walk is: the figures by which a gait is judged, measured on an undisturbed run."""
+"""Measures how clean a walk is: the figures by which a gait is judged, on an undisturbed run."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from circuitkit.biped.gait import LEFT, RIGHT, GaitSpec
 from circuitkit.biped.sensing import centre_of_pressure
+from circuitkit.biped.view import BipedView
+from circuitkit.paper.runs import record, without_pushes
 from circuitkit.simulation import Plan, Recording
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import has_fallen, run_loop
 
 _UNLOADED = 0.05  # a swing foot with less than this part of the weight swings free
 _SETTLED_STEPS = 2  # steps after which the walk counts
@@ -44,48 +44,53 @@ class GaitFigures:
 
 
 def measure_gait(plan: Plan, controller: str = "open_loop", seed: int = 0) -> GaitFigures:
-    """Walk undisturbed for the scenario's duration and measure."""
-    recording = run_loop(plan.setup(controller, [Trial(seed, ())]))
-    return gait_figures(recording)
+    """Walk for the scenario's duration without pushes and measure.
+
+    Args:
+        plan: The scenario's plan.
+        controller: As in a scenario.
+        seed: Of noise and jitter.
+    """
+    return gait_figures(record(plan, controller, [without_pushes(plan, seed)]))
 
 
 def gait_figures(recording: Recording) -> GaitFigures:
-    """Figures of the first robot of an undisturbed recording."""
-    robot, layout = recording.robot, recording.robot.layout
-    schedule, readings = recording.walk.schedule, recording.readings[:, 0]
+    """Measure the first robot of an undisturbed recording."""
+    view, walk, readings = BipedView(recording), recording.motion.knowledge.walk, recording.readings[:, 0]
+    schedule = walk.schedule
     ticks = slice(0, recording.ticks)
     walking = schedule.step[ticks] >= _SETTLED_STEPS
     margins = []
     for side, name in ((LEFT, "left"), (RIGHT, "right")):
-        point, _ = centre_of_pressure(readings, layout, side)
-        sideways = point[:, 1] - readings[:, layout.foot(side)][:, 1]
-        sole = getattr(robot.spec.feet, name).sole
-        alone = walking & (recording.support[:, 0] == side)
+        point, _ = centre_of_pressure(readings, view.layout, side)
+        sideways = point[:, 1] - readings[:, view.layout.foot(side)][:, 1]
+        sole = getattr(view.block.feet, name).sole
+        alone = walking & (view.support[:, 0] == side)
         margins.append(np.minimum(sideways - sole.right, sole.left - sideways)[alone])
     margin = np.concatenate(margins) if any(len(m) for m in margins) else np.full(1, -1.0)
 
-    total = recording.loads_n[:, 0].sum(axis=-1)
+    total = view.loads_n[:, 0].sum(axis=-1)
     swing = 1 - schedule.support[ticks]
     single = walking & (schedule.single_support[ticks] > 0)
-    load = np.take_along_axis(recording.loads_n[:, 0], np.clip(swing, 0, 1)[:, None], axis=1)[:, 0]
+    load = np.take_along_axis(view.loads_n[:, 0], np.clip(swing, 0, 1)[:, None], axis=1)[:, 0]
     free = (load < _UNLOADED * total)[single]
 
-    torso = readings[:, layout.torso]
+    torso = readings[:, view.layout.torso]
     commands = recording.commands[:, 0]
     return GaitFigures(
-        fell=bool(has_fallen(recording.readings, robot, recording.readings[0]).any()),
+        fell=recording.ended_s() is not None,
         inside_15mm=float((margin >= 0.015).mean()),  # noqa: PLR2004 - as its name says
         inside_10mm=float((margin >= 0.010).mean()),  # noqa: PLR2004 - as its name says
         margin_5pct_m=float(np.percentile(margin, 5)),
         swing_free=float(free.mean()) if len(free) else 0.0,
         way_m=float(torso[-1, 0] - torso[0, 0]),
-        drift_per_2m_m=_drift_per_2m(torso, recording.walk.gait),
+        drift_per_2m_m=_drift_per_2m(torso, walk.gait),
         ankle_rms_deg=float(np.degrees(np.sqrt((commands**2).mean()))) if commands.size else 0.0,
     )
 
 
 def _drift_per_2m(torso: NDArray[np.float64], gait: GaitSpec) -> float:
-    """Sideways on 2 m forward, between equal phases so that the sway does not count; 0 on the spot."""
+    """Measure the drift on 2 m forward, between equal phases so that no sway counts; 0 on the spot."""
     start = round(gait.stand / gait.control_step) + _SETTLED_STEPS * gait.step_ticks
     cycle = 2 * gait.step_ticks
     cycles = (len(torso) - 1 - start) // cycle

@@ -1,4 +1,4 @@
-"""The search for the numbers of the shipped gaits; `python -m circuitkit.paper.gait_search` repeats it.
+"""Searches the numbers of the shipped gaits; `python -m circuitkit.paper.gait_search` repeats it.
 
 Only undisturbed walks count: pushes and circuits never enter, so the gait favours no controller. One set of
 numbers must serve on the spot, at 2 and at 4 cm a step. What the gait files say of durations, knee and lift
@@ -18,9 +18,9 @@ from scipy.stats import qmc
 
 from circuitkit.base.errors import SimulationError
 from circuitkit.biped.gait import GaitSpec, load_gait
+from circuitkit.biped.references import GaitReference
 from circuitkit.paper.gait_figures import GaitFigures, measure_gait
-from circuitkit.robots import build_model, load_robot, plan_robot_walk
-from circuitkit.simulation import Plan, load_scenario, make_plan
+from circuitkit.simulation import load_scenario, make_plan
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
 
 
 def with_numbers(gait: GaitSpec, values: Mapping[str, float]) -> GaitSpec:
-    """A gait with other values for what is searched."""
+    """Copy a gait with other values for what is searched."""
     change: dict[str, Any] = {
         "zmp": gait.zmp.model_copy(
             update={"forward": values["zmp_forward"], "sideways": values["zmp_sideways"]}
@@ -51,7 +51,7 @@ def with_numbers(gait: GaitSpec, values: Mapping[str, float]) -> GaitSpec:
 
 
 def cost(figures: GaitFigures) -> float:
-    """How unclean a walk is: 0 would be a ZMP that never leaves the middle and a swing foot that never drags.
+    """Rate how unclean a walk is: 0 is a ZMP that never leaves the middle and a swing foot that never drags.
 
     Distances count in centimetres, so that 1 cm less to the edge weighs as much as 10 % more drag, and as
     10 cm of drift on 2 m.
@@ -66,27 +66,26 @@ def cost(figures: GaitFigures) -> float:
 
 
 def evaluate(point: Array) -> float:
-    """Mean cost of the three gaits at a point of the unit cube."""
+    """Walk with the three gaits at a point of the unit cube; their mean cost."""
     values = {
         name: low + (high - low) * float(x)
         for (name, (low, high)), x in zip(RANGES.items(), point, strict=True)
     }
-    base = make_plan(load_scenario("nao_push").model_copy(update={"duration": 1.0, "pushes": ()}))
-    robot = build_model(load_robot("nao"))
+    scenario = load_scenario("nao_push").model_copy(update={"duration": WALK_S})
     total = 0.0
     for name in GAITS:
         gait = with_numbers(load_gait(name), values)
         try:
-            walk, targets = plan_robot_walk(robot, gait, round(WALK_S / gait.control_step))
+            plan = make_plan(scenario.model_copy(update={"reference": GaitReference(gait)}))
         except SimulationError:  # a leg would have to be longer than it is
             total += _IMPOSSIBLE
             continue
-        total += cost(measure_gait(Plan(base.scenario, robot, walk, targets, base.circuit)))
+        total += cost(measure_gait(plan))
     return total / len(GAITS)
 
 
 def search(rounds: int, size: int, seed: int, workers: int) -> tuple[dict[str, float], float]:
-    """Sobol points over the whole range, then over a box around the best that is halved each round.
+    """Try Sobol points over the whole range, then over a box around the best that is halved each round.
 
     Args:
         rounds: How often.

@@ -1,4 +1,4 @@
-"""The bound of the DCM: the largest push that any control by the ankles can hold."""
+"""Works out the bound of the DCM, the largest push that any control by the ankles can hold."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from circuitkit.biped.gait.lipm import dcm, largest_push_force
 from circuitkit.biped.gait.support import distances_to_edge
-from circuitkit.robots import body_number
-from circuitkit.robots.spec import Sole
+from circuitkit.biped.robot import Sole, biped_of
+from circuitkit.paper.runs import push_moment, record, without_pushes
 from circuitkit.simulation import Plan
-from circuitkit.simulation.disturbance import Trial, push_start
-from circuitkit.simulation.loop import run_loop
 
 Array = NDArray[np.float64]
 
@@ -50,10 +48,11 @@ class _PushStart:
 
 
 def _start_of_push(plan: Plan) -> _PushStart:
-    recording = run_loop(plan.setup("open_loop", [Trial(plan.scenario.seed, ())]))
-    push, layout, feet = plan.scenario.pushes[0], plan.robot.layout, plan.robot.spec.feet
-    begin, _ = push_start(push, plan.walk)
-    tick = round(begin / plan.walk.gait.control_step)
+    """Walk in open loop without the push, and look at the moment when it would begin."""
+    recording = record(plan, "open_loop", [without_pushes(plan)])
+    push, biped = plan.scenario.pushes[0], biped_of(recording.robot)
+    layout, feet = biped.layout, biped.block.feet
+    tick = round(push_moment(plan.scenario, plan.reference).time_s / plan.body.step_s)
     now = recording.readings[tick, 0]
     height = float(now[layout.com][2])
     ankles = np.stack([now[layout.foot(side)][:2] for side in range(2)])
@@ -67,17 +66,17 @@ def _start_of_push(plan: Plan) -> _PushStart:
 
 
 def _corners_m(sole: Sole) -> Array:
-    """Corners of a sole from its ankle; shape (4, 2)."""
+    """List the corners of a sole from its ankle; shape (4, 2)."""
     return np.array([(x, y) for x in (sole.back, sole.front) for y in (sole.right, sole.left)])
 
 
 def _height_of(plan: Plan, body: str, qpos: Array) -> float:
-    """Height of a body's centre of mass above the floor, [m]."""
+    """Measure the height of a body's centre of mass above the floor, [m]."""
     model = plan.robot.model
     data = mujoco.MjData(model)
     data.qpos = qpos
     mujoco.mj_kinematics(model, data)
-    return float(data.xipos[body_number(plan.robot, body)][2])
+    return float(data.xipos[plan.robot.number("body", body)][2])
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ class BoundsAround:
 
 
 def dcm_bounds_around(plan: Plan, angles_rad: Array, duration_s: float) -> BoundsAround:
-    """The bound of the DCM for pushes from any direction.
+    """Work out the bound of the DCM for pushes from any direction.
 
     In the plane, the DCM of a point mass under a constant force F u obeys
     xi' = omega (xi - p + F u/(m omega^2)), where the ZMP p may be anywhere in the support polygon P. With
@@ -122,7 +121,7 @@ def dcm_bounds_around(plan: Plan, angles_rad: Array, duration_s: float) -> Bound
     """
     start = _start_of_push(plan)
     lengths = distances_to_edge(start.dcm_m, angles_rad, start.corners_m)
-    mass, height = plan.robot.mass_kg, start.com_height_m
+    mass, height = biped_of(plan.robot).mass_kg, start.com_height_m
     return BoundsAround(
         lengths * largest_push_force(1.0, duration_s, mass, height),
         lengths * largest_push_force(1.0, duration_s, mass, height, start.push_height_m),

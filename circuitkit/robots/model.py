@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import Any, Protocol
+from types import MappingProxyType
+from typing import Any, Protocol, TypeAlias
 
 import mujoco
 import numpy as np
@@ -22,12 +23,17 @@ from circuitkit.circuit.expressions.dimensions import (
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
+from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
+from circuitkit.robots.servos import add_servos
 from circuitkit.robots.spec import ChannelSpec, Robot
 
 _HINGE, _SLIDE, _FREE = (
     int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
 )
+
+
+Complain: TypeAlias = Callable[[str, int], Problem]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +140,7 @@ class RobotModel:
         names = self.names(kind)
         if name not in names:
             roles = [role for block in self.blocks.values() for role in getattr(block, "body_roles", {})]
-            raise UnknownNameError(kind, name, [*(roles if kind == "body" else ()), *names])
+            raise UnknownNameError(kind, name, dict.fromkeys([*(roles if kind == "body" else ()), *names]))
         return int(getattr(self.model, kind)(name).id)
 
     def matching(self, kind: str, pattern: str) -> list[int]:
@@ -150,7 +156,7 @@ class RobotModel:
 def build_model(
     robot: Robot,
     changes: Iterable[Callable[[RobotModel], object]] = (),
-    references: Sequence[Call] = (),
+    references: Mapping[str, tuple[Call, Complain]] = MappingProxyType({}),
     *,
     looks: bool = False,
 ) -> RobotModel:
@@ -160,26 +166,28 @@ def build_model(
         robot: The robot file.
         changes: What differs in the compiled model, such as a heavier body; each is called with it.
         references: Of expressions elsewhere, such as a scenario's measures; each becomes a channel whose name
-            is its text, such as `position(ball, x)`.
+            is its text, such as `position(ball, x)`. With what makes a complaint of a message and an offset.
         looks: Keep geoms that are only seen; physics is the same to the last bit without them, and faster.
 
     Raises:
         InputError: The MJCF cannot be read, or lacks parts that the robot file names; lists them all.
     """
     mj = _read(robot)
-    sensors = Sensors(mj)
     problems: list[Problem] = []
     if robot.timestep is not None:
         mj.option.timestep = robot.timestep
-    servos = _add_servos(mj, robot, problems)
-    prepared = {kind: block.prepare(mj, robot) for kind, block in robot.given_blocks.items()}
+    servos = add_servos(mj, robot, problems)
+    sensors = Sensors(mj)
+    prepared = _prepared(mj, robot, problems)
     bound = _bind_channels(robot, sensors, problems)
-    bound |= _bind_references(references, sensors)
+    bound |= _bind_references(references, sensors, problems)
     if problems:
         raise InputError(*problems)
     sees = any(sensor.type == mujoco.mjtSensor.mjSENS_RANGEFINDER for sensor in mj.sensors)
-    mj.compiler.discardvisual = not (looks or sees or len(mj.cameras) > 0)
-    model = _compiled(mj, robot)
+    # Where geoms give a body its inertia whatever it says itself, MuJoCo refuses to leave any out.
+    weighs = mj.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    mj.compiler.discardvisual = not (looks or sees or weighs or len(mj.cameras) > 0)
+    model = compile_mjcf(mj, robot.mjcf_path)
     start, held = _start(robot, model, servos, problems)
     act = model.key(robot.key).act.copy() if robot.key in _key_names(model) else np.zeros(model.na)
     channels = {name: _channel(name, parts, model) for name, parts in bound.items()}
@@ -198,71 +206,35 @@ def build_model(
     return made
 
 
+def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepared]:  # noqa: ANN401 - as above
+    """Let the blocks of plug-ins add their sensors."""
+    found = {}
+    for kind, block in robot.given_blocks.items():
+        try:
+            found[kind] = block.prepare(mj, robot)
+        except InputError as error:  # noqa: PERF203 - all that is wrong is said at once
+            problems += error.problems
+    return found
+
+
 def _read(robot: Robot) -> Any:  # noqa: ANN401 - MjSpec is not typed
     path = robot.mjcf_path
     if not path.is_file():
         message = f"no such file '{path}'; allowed: the path of an MJCF file, from the folder of the robot file"
         raise InputError(robot.problem(("mjcf",), message))
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise InputError(Problem(str(path), 1, 1, "", f"not an MJCF file: {_one_line(error)}")) from error
-
-
-def _compiled(mj: Any, robot: Robot) -> mujoco.MjModel:  # noqa: ANN401 - as above
-    try:
-        return mj.compile()
-    except ValueError as error:
-        message = f"MuJoCo refuses the model: {_one_line(error)}"
-        raise InputError(Problem(str(robot.mjcf_path), 1, 1, "", message)) from error
-
-
-def _one_line(error: Exception) -> str:
-    return "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
+    return read_mjcf(path)
 
 
 def _base(model: mujoco.MjModel) -> int | None:
-    """The free joint with the heaviest load: loose objects weigh less than a robot."""
+    """The free joint that carries most: more moving parts than a loose object has, or the heavier of equals."""
+    moving = np.bincount(model.body_rootid[model.dof_bodyid], minlength=model.nbody)
+
+    def load(joint: int) -> tuple[int, float]:
+        body = int(model.jnt_bodyid[joint])
+        return int(moving[model.body_rootid[body]]), float(model.body_subtreemass[body])
+
     free = [i for i in range(model.njnt) if model.jnt_type[i] == _FREE]
-    return max(free, key=lambda i: float(model.body_subtreemass[model.jnt_bodyid[i]]), default=None)
-
-
-def _add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, float]:  # noqa: ANN401 - as above
-    """Put a position servo in the place of the actuators of every joint that the robot file gives one.
-
-    Returns:
-        Stiffness by joint.
-    """
-    wanted = robot.servos_in_use
-    if not wanted:
-        return {}
-    hinges = [joint for joint in mj.joints if int(joint.type) in {_HINGE, _SLIDE}]
-    chosen: dict[str, Any] = {}
-    for joint in hinges:
-        servo = next((s for s in wanted if any(fnmatchcase(joint.name, p) for p in s.joints)), None)
-        if servo is not None and joint.name:
-            chosen[joint.name] = servo
-    names = [joint.name for joint in hinges]
-    for i, servo in enumerate(wanted):
-        for pattern in servo.joints:
-            if not any(fnmatchcase(name, pattern) for name in names):
-                where = ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
-                message = f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern with *"
-                problems.append(robot.problem((*where, "joints"), message, suggest(pattern, names)))
-    for actuator in list(mj.actuators):
-        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and actuator.target in chosen:
-            mj.delete(actuator)
-    taken = {actuator.name for actuator in mj.actuators}
-    for name, servo in chosen.items():
-        own = name if name not in taken else f"{name} servo"
-        actuator = mj.add_actuator(name=own, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
-        actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE  # whatever the MJCF's defaults say
-        actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
-        actuator.forcerange = [-servo.torque, servo.torque]
-    for key in mj.keys:
-        key.ctrl = []  # it was for the actuators of the MJCF; servos hold the keyframe's positions
-    return {name: servo.stiffness for name, servo in chosen.items()}
+    return max(free, key=load, default=None)
 
 
 @dataclass(frozen=True)
@@ -295,14 +267,20 @@ def _bound(spec: ChannelSpec, sensors: Sensors) -> _Bound:
     return _Bound(unit, value, spec.description, spec.pair("range"))
 
 
-def _bind_references(references: Sequence[Call], sensors: Sensors) -> dict[str, _Bound]:
+def _bind_references(
+    references: Mapping[str, tuple[Call, Complain]], sensors: Sensors, problems: list[Problem]
+) -> dict[str, _Bound]:
     found = {}
-    for call in references:
+    for text, (call, complain) in references.items():
         dimensions: dict[str, OpenDimension] = {}
-        shown, value = bind(call, sensors, dimensions)
+        try:
+            shown, value = bind(call, sensors, dimensions)
+        except ExpressionError as error:
+            problems.append(complain(str(error), error.offset))
+            continue
         dimension = dimension_of(shown, dimensions)
         unit = parse_unit("1" if dimension is None else named_symbol(dimension.fixed))
-        found[str(call)] = _Bound(unit, value)
+        found[text] = _Bound(unit, value)
     return found
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import mujoco
@@ -27,8 +28,15 @@ _UNIT_OF_TYPE = {
     "framexaxis": "1", "frameyaxis": "1", "framezaxis": "1", "framelinvel": "m/s", "frameangvel": "rad/s",
     "framelinacc": "m/s^2", "frameangacc": "rad/s^2", "subtreecom": "m", "subtreelinvel": "m/s", "insidesite": "1",
     "geomdist": "m", "geomnormal": "1", "geomfromto": "m", "e_potential": "N*m", "e_kinetic": "N*m", "clock": "s",
+    "subtreeangmom": "N*m*s",
 }  # fmt: skip
-_WIDTHS = {"quat": 4, "fromto": 6}
+_OF_HINGE_AND_SLIDE = {
+    "jointpos": ("rad", "m"), "jointvel": ("rad/s", "m/s"), "jointactfrc": ("N*m", "N"),
+    "jointlimitpos": ("rad", "m"), "jointlimitvel": ("rad/s", "m/s"), "jointlimitfrc": ("N*m", "N"),
+}  # fmt: skip
+_WIDTHS = {"quat": 4, "fromto": 6, "camprojection": 2}
+# How many numbers these have depends on their settings; the compiler knows.
+_OPEN_WIDTH = frozenset({"contact", "user", "plugin", "tactile", "rangefinder"})
 _THREE = (
     "accelerometer velocimeter gyro force torque magnetometer ballangvel framepos framexaxis frameyaxis framezaxis "
     "framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel subtreeangmom geomnormal"
@@ -78,6 +86,14 @@ def _word(kind: mujoco.mjtSensor) -> str:
     return kind.name.removeprefix("mjSENS_").lower()
 
 
+@dataclass(frozen=True)
+class StandIn(Name):
+    """A name that stands for a part of an expression while its units are checked; it is shown as that part."""
+
+    def __str__(self) -> str:
+        return self.name
+
+
 class Sensors:
     """The sensors of a model: those of the MJCF, and those that expressions need beside them."""
 
@@ -95,6 +111,24 @@ class Sensors:
             "tendon": {tendon.name: tendon for tendon in mj.tendons},
             "actuator": {actuator.name: actuator for actuator in mj.actuators},
         }
+
+    def width(self, name: str) -> int:
+        """How many numbers a sensor of the MJCF has."""
+        word = _word(self.own[name].type)
+        if word in _OPEN_WIDTH:
+            return self._widths[name]
+        if word in _THREE:
+            return 3
+        return next((width for ending, width in _WIDTHS.items() if word.endswith(ending)), 1)
+
+    @cached_property
+    def _widths(self) -> dict[str, int]:
+        """How many numbers each sensor has, by a compilation of its own."""
+        try:
+            model = self._mj.copy().compile()
+        except ValueError:
+            return dict.fromkeys(self.own, 1)  # what is wrong with the model is said when it is compiled itself
+        return {name: int(model.sensor(name).dim[0]) for name in self.own}
 
     def named(self, kind: str) -> dict[str, Any]:
         """The parts of a kind by name, such as bodies; without those that have no name."""
@@ -165,11 +199,11 @@ def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDim
                 meaning = _REFERENCES[function].meaning(sensors, words)
             except ExpressionError as error:
                 raise ExpressionError(str(error), expression.offset) from error
-            text = f"{function}({', '.join(words)})"
+            text = str(expression)
             if meaning.dimension is None:
                 return Number(0.0, offset=expression.offset), meaning.value  # 0 fits any unit
             dimensions[text] = meaning.dimension
-            return Name(text, offset=expression.offset), meaning.value
+            return StandIn(text, offset=expression.offset), meaning.value
         case Unary(operator=sign, operand=operand):
             shown, value = bind(operand, sensors, dimensions)
             return Unary(sign, shown, offset=expression.offset), Unary(sign, value)
@@ -206,26 +240,22 @@ def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as ab
     if joint.type not in {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}:
         message = f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge or a slide"
         raise ExpressionError(message)
-    hinge = joint.type == mujoco.mjtJoint.mjJNT_HINGE
-    units = {"jointpos": ("rad", "m"), "jointvel": ("rad/s", "m/s"), "jointactfrc": ("N*m", "N")}
-    return _dimension(units[sensor][0 if hinge else 1])
+    return _dimension(_OF_HINGE_AND_SLIDE[sensor][0 if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1])
 
 
-def width_of_sensor(sensor: Any) -> int:  # noqa: ANN401 - as above
-    """How many numbers a sensor of an MJCF has."""
-    word = _word(sensor.type)
-    if word in _THREE:
-        return 3
-    return next((width for ending, width in _WIDTHS.items() if word.endswith(ending)), 1)
+def unit_of_sensor(kind: int, object_type: int, object_id: int, model: mujoco.MjModel) -> str:
+    """The SI unit of a sensor of a compiled model; 1 where MuJoCo knows none.
 
-
-def unit_of_sensor(sensor: Any, model: mujoco.MjModel) -> str:  # noqa: ANN401 - as above
-    """The SI unit of a sensor of an MJCF; 1 where MuJoCo knows none."""
-    word = _word(sensor.type)
-    if word.startswith("joint") and sensor.objname:
-        hinge = int(model.joint(sensor.objname).type[0]) == int(mujoco.mjtJoint.mjJNT_HINGE)
-        units = {"jointpos": ("rad", "m"), "jointvel": ("rad/s", "m/s"), "jointactfrc": ("N*m", "N")}
-        return units.get(word, ("1", "1"))[0 if hinge else 1]
+    Args:
+        kind: Of `mjtSensor`.
+        object_type: Of `mjtObj`, what it is attached to.
+        object_id: Number of that.
+        model: The model.
+    """
+    word = _word(mujoco.mjtSensor(kind))
+    if object_type == int(_OBJECT.mjOBJ_JOINT) and word in _OF_HINGE_AND_SLIDE:
+        hinge = int(model.jnt_type[object_id]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+        return _OF_HINGE_AND_SLIDE[word][0 if hinge else 1]
     return _UNIT_OF_TYPE.get(word, "1")
 
 
@@ -235,17 +265,19 @@ def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
     if name not in sensors.own:
         raise no_such("sensor", name, (each for each in sensors.own if each))
     sensor, component = sensors.own[name], 0
-    word, width = _word(sensor.type), width_of_sensor(sensor)
+    word, width = _word(sensor.type), sensors.width(name)
     if len(arguments) > 1:
         part = arguments[1]
         component = AXES.index(part) if part in AXES else int(part) if part.isdigit() else -1
-        if component < 0 or (word in _UNIT_OF_TYPE and component >= width):
-            message = f"found the component '{part}' of the sensor '{name}'; allowed: x, y, z, or a number from 0 to {width - 1}"
+        if not 0 <= component < width:
+            letters = "x, y, z, or " if width == len(AXES) else ""
+            numbers = f"a number from 0 to {width - 1}" if width > 1 else "0"
+            message = f"found the component '{part}' of the sensor '{name}'; allowed: {letters}{numbers}"
             raise ExpressionError(message)
     elif width > 1:
-        message = f"the sensor '{name}' has {width} numbers; allowed: one of them, such as sensor({name}, x)"
+        message = f"the sensor '{name}' has {width} numbers; allowed: one of them, such as sensor({name}, {'x' if width == len(AXES) else 0})"
         raise ExpressionError(message)
-    if word in {"jointpos", "jointvel", "jointactfrc"}:
+    if word in _OF_HINGE_AND_SLIDE:
         return Meaning(column(name), _of_joint(sensors.part(["joint"], sensor.objname)[1], word))
     unit = _UNIT_OF_TYPE.get(word)
     return Meaning(column(name, component), None if unit is None else _dimension(unit))
@@ -303,11 +335,19 @@ def _vector(usage: str, kind: mujoco.mjtSensor, unit: str) -> None:
 
 _vector("position(PART, axis)", _SENSOR.mjSENS_FRAMEPOS, "m")
 _vector("velocity(PART, axis)", _SENSOR.mjSENS_FRAMELINVEL, "m/s")
-_vector("acceleration(PART, axis)", _SENSOR.mjSENS_FRAMELINACC, "m/s^2")
 _vector("angular_velocity(PART, axis)", _SENSOR.mjSENS_FRAMEANGVEL, "rad/s")
 _vector("ahead(PART, axis)", _SENSOR.mjSENS_FRAMEXAXIS, "1")
 _vector("side(PART, axis)", _SENSOR.mjSENS_FRAMEYAXIS, "1")
 _vector("up(PART, axis)", _SENSOR.mjSENS_FRAMEZAXIS, "1")
+
+
+@_reference("acceleration(PART, axis)", 2)
+def _acceleration(sensors: Sensors, arguments: Arguments) -> Meaning:
+    """MuJoCo's sensor is what an accelerometer feels, which is 9.81 m/s^2 upward at rest; so is the world's."""
+    axis = _axis(arguments[1])
+    felt = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, arguments[0])[axis]
+    still = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, "world")[axis]
+    return Meaning(Binary("-", felt, still), _dimension("m/s^2"))
 
 
 def _subtree(usage: str, kind: mujoco.mjtSensor, unit: str) -> None:
@@ -374,4 +414,4 @@ def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
 
 
 ARITIES = {name: reference.arity for name, reference in _REFERENCES.items()}
-__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "bind", "column", "column_index", "no_such"]
+__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "StandIn", "bind", "column", "column_index", "no_such"]

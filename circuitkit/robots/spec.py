@@ -158,7 +158,7 @@ blocks: Registry[Any] = Registry("robot_blocks", BlockSpec)
 class Robot(FileModel):
     """A robot: an MJCF as its author wrote it, with channels and commands.
 
-    Blocks of plug-ins, such as `biped`, are further keys; see `robot_class`.
+    Blocks of plug-ins are further keys; see `robot_class`.
     """
 
     robot: str = Field(description="Name.")
@@ -273,7 +273,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """Read a robot file.
 
     Args:
-        name_or_path: A path to a `robot.yaml`, or the name of a shipped robot such as `nao`.
+        name_or_path: A path to a `robot.yaml`, or the name of a shipped robot such as `vehicle`.
 
     Raises:
         InputError: It cannot be read; says where and why.

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from keyword import iskeyword
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.files import write_text
+from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.robots.model import drives_position
-from circuitkit.robots.parts import AXES, unit_of_sensor, width_of_sensor
+from circuitkit.robots.parts import AXES, unit_of_sensor
 
 _NO_WORD = re.compile(r"\W+")
-_HINGE, _SLIDE, _FREE = (
-    int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
-)
+_PLAIN = re.compile(r"[A-Za-z_][\w.\-/]*")
+_YAML_WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
+_TAKEN = frozenset({"t", "ended"})  # of measures
+_SHOWN_COMPONENTS = 6  # further numbers of a sensor, such as a skin's, are comments
+_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def write_robot_starter(mjcf: Path, path: Path, *, force: bool = False) -> Path:
@@ -39,124 +44,167 @@ def write_robot_starter(mjcf: Path, path: Path, *, force: bool = False) -> Path:
     if path.exists() and not force:
         message = f"'{path}' is there already; allowed: another name, or --force"
         raise InputError(Problem("", 0, 0, "FILE", message))
-    try:
-        spec = mujoco.MjSpec.from_file(str(mjcf))
-        model = spec.compile()
-    except ValueError as error:
-        lines = "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
-        raise InputError(Problem(str(mjcf), 1, 1, "", f"not an MJCF file: {lines}")) from error
-    write_text(path, "\n".join(_lines(mjcf, path, spec, model)) + "\n")
+    model = compile_mjcf(read_mjcf(mjcf), mjcf)
+    write_text(path, "\n".join(_lines(mjcf, path, model)) + "\n")
     return path
 
 
-def _lines(mjcf: Path, path: Path, spec: object, model: mujoco.MjModel) -> Iterator[str]:
+def _lines(mjcf: Path, path: Path, model: mujoco.MjModel) -> Iterator[str]:
     try:
         beside = mjcf.resolve().relative_to(path.resolve().parent)
     except ValueError:
         beside = mjcf.resolve()
     yield f"# A robot made of {mjcf.name}: what of it can be read (channels) and written (commands)."
     yield "# Take out what you do not need, rename what you like; docs/robots/README.md tells what expressions can say."
-    yield f"robot: {_word(mjcf.stem)}"
-    yield f"description: {mjcf.name}"
-    yield f"mjcf: {beside}"
+    yield f"robot: {_key(_word(mjcf.stem))}"
+    yield f"description: {_key(mjcf.name)}"
+    yield f"mjcf: {_key(str(beside))}"
     yield f"# timestep: {model.opt.timestep * 1e3:g} ms      # the MJCF's own; a control step is a multiple of it"
-    keys = [model.key(i).name for i in range(model.nkey) if model.key(i).name]
-    yield f"# key: {keys[0]}      # keyframes to start from: {', '.join(keys)}" if keys else "# (the MJCF has no named keyframes)"
+    keys = [_key(model.key(i).name) for i in range(model.nkey)]
+    yield f"# key: {keys[0]}      # keyframes to start from: {', '.join(keys)}" if keys else "# (the MJCF has no keyframes)"
     yield from _joints(model)
-    yield from _channels(spec, model)
-    yield from _commands(model)
+    taken: set[str] = set()
+    yield from _channels(model, taken)
+    yield from _commands(model, taken)
 
 
 def _word(text: str) -> str:
+    """A name that expressions can say: a word that means nothing else there."""
     word = _NO_WORD.sub("_", text).strip("_") or "unnamed"
-    return f"_{word}" if word[0].isdigit() else word
+    return f"_{word}" if word[0].isdigit() else f"{word}_" if iskeyword(word) or word in _TAKEN else word
 
 
 def _shown(name: str) -> str:
     """A name of the MJCF as an argument of an expression."""
-    return name if name.isidentifier() else f'"{name}"'
+    return name if name.isidentifier() and not iskeyword(name) else f'"{name}"'
+
+
+def _key(name: str) -> str:
+    """A name or a path in YAML, with quotes where YAML would read something else."""
+    plain = _PLAIN.fullmatch(name) and name.lower() not in _YAML_WORDS
+    return name if plain else "'" + name.replace("'", "''") + "'"
 
 
 def _quoted(expression: str) -> str:
-    return f"'{expression}'" if '"' in expression else f'"{expression}"' if "," in expression else expression
+    if '"' in expression or "'" in expression:
+        return "'" + expression.replace("'", "''") + "'"
+    return f'"{expression}"' if "," in expression else expression
+
+
+def _moving(model: mujoco.MjModel) -> list[tuple[str, int, int]]:
+    """Hinges and slides: name, number, type."""
+    kinds = [(model.joint(j).name, j, int(model.jnt_type[j])) for j in range(model.njnt)]
+    return [each for each in kinds if each[2] in {_HINGE, _SLIDE}]
 
 
 def _joints(model: mujoco.MjModel) -> Iterator[str]:
-    named = [(model.joint(j).name, int(model.jnt_type[j])) for j in range(model.njnt) if model.joint(j).name]
-    moving = [(name, kind) for name, kind in named if kind in {_HINGE, _SLIDE}]
+    moving = _moving(model)
     if not moving:
         return
     yield "# hold:                    # joints that start at and, where a position actuator drives them, are held at this"
-    for name, kind in moving:
-        yield f"#   {name}: {'0 deg' if kind == _HINGE else '0 mm'}"
+    for name, j, kind in moving:
+        start = float(model.qpos0[model.jnt_qposadr[j]])
+        shown = f"{np.degrees(start):.6g} deg" if kind == _HINGE else f"{start * 1e3:.6g} mm"
+        yield f"#   {_key(name)}: {shown}"
+    of_joint = [int(t) == int(mujoco.mjtTrn.mjTRN_JOINT) for t in model.actuator_trntype]
+    driven = {int(model.actuator_trnid[i, 0]) for i in range(model.nu) if of_joint[i]}
+    names = [_key(name) for name, j, _ in moving if j in driven] or [_key(name) for name, _, _ in moving]
     yield "# servos:                  # position servos in the place of the MJCF's actuators of these joints"
-    yield '#   - {joints: ["*"], stiffness: 100 N*m/rad, damping: 3 N*m*s/rad, torque: 10 N*m}'
+    yield f"#   - {{joints: [{', '.join(names)}], stiffness: 100 N*m/rad, damping: 3 N*m*s/rad, torque: 10 N*m}}"
 
 
-def _channels(spec: object, model: mujoco.MjModel) -> Iterator[str]:
-    yield "channels:"
-    taken: set[str] = set()
+def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:
+    """A line for everything that can be read; `taken` takes the names."""
+    lines: list[str] = []
 
-    def line(name: str, unit: str, expression: str, *, used: bool = True) -> str:
+    def add(name: str, unit: str, expression: str, *, used: bool = True) -> None:
         own = name
         while own in taken:
             own += "_"
         taken.add(own)
-        return f"  {'' if used else '# '}{own}: {{unit: {unit}, is: {_quoted(expression)}}}"
+        shown = '"1"' if unit == "1" else unit
+        lines.append(f"  {'' if used else '# '}{_key(own)}: {{unit: {shown}, is: {_quoted(expression)}}}")
 
-    sensors = [sensor for sensor in spec.sensors if sensor.name]  # type: ignore[attr-defined]  # MjSpec is not typed
-    for sensor in sensors:
-        width, unit = width_of_sensor(sensor), unit_of_sensor(sensor, model)
+    _sensors(model, add)
+    for name, _, kind in _moving(model):
+        unit = "rad" if kind == _HINGE else "m"
+        add(_word(name), unit, f"joint({_shown(name)})")
+        add(f"{_word(name)}_rate", f"{unit}/s", f"rate({_shown(name)})")
+    for b in range(1, model.nbody):
+        if int(model.body_parentid[b]) == 0 and model.body_dofnum[b] > 0:
+            _body(_word(model.body(b).name), _shown(model.body(b).name), add)
+    for i in range(model.ntendon):
+        name = model.tendon(i).name
+        add(f"{_word(name)}_length", "m", f"tendon({_shown(name)})", used=False)
+    for i in range(model.nu):
+        name = model.actuator(i).name
+        add(f"{_word(name)}_force", _unit_of_force(model, i), f"actuator_force({_shown(name)})", used=False)
+    used = any(not line.startswith("  #") for line in lines)
+    yield "channels:" if used else "channels: {}"
+    yield from lines
+
+
+def _sensors(model: mujoco.MjModel, add: Callable[..., None]) -> None:
+    for i in range(model.nsensor):
+        name, width = model.sensor(i).name, int(model.sensor_dim[i])
+        kind, obj = int(model.sensor_type[i]), int(model.sensor_objtype[i])
+        unit = unit_of_sensor(kind, obj, int(model.sensor_objid[i]), model)
         if width == 1:
-            yield line(_word(sensor.name), unit, f"sensor({_shown(sensor.name)})")
-        else:
-            for k in range(width):
-                part = AXES[k] if width == 3 else str(k)  # noqa: PLR2004 - a vector
-                yield line(f"{_word(sensor.name)}_{part}", unit, f"sensor({_shown(sensor.name)}, {part})")
-    for j in range(model.njnt):
-        name, kind = model.joint(j).name, int(model.jnt_type[j])
-        if name and kind in {_HINGE, _SLIDE}:
-            unit = "rad" if kind == _HINGE else "m"
-            yield line(_word(name), unit, f"joint({_shown(name)})")
-            yield line(f"{_word(name)}_rate", f"{unit}/s", f"rate({_shown(name)})")
-    roots = [b for b in range(1, model.nbody) if int(model.body_parentid[b]) == 0 and model.body_dofnum[b] > 0]
-    for b in roots:
-        name = model.body(b).name
-        if name:
-            own = _word(name)
-            for axis in AXES:
-                yield line(f"{own}_{axis}", "m", f"position({_shown(name)}, {axis})")
-            yield line(f"{own}_vx", "m/s", f"velocity({_shown(name)}, x)")
-            yield line(f"{own}_upright", "1", f"up({_shown(name)}, z)")
-            yield line(f"{own}_yaw", "rad", f"yaw({_shown(name)})")
-            yield line(f"{own}_contact", "N", f"contact({_shown(name)})", used=False)
-    if not taken:
-        yield "  {}"
+            add(_word(name), unit, f"sensor({_shown(name)})")
+            continue
+        for k in range(width):
+            part = AXES[k] if width == len(AXES) else str(k)
+            add(f"{_word(name)}_{part}", unit, f"sensor({_shown(name)}, {part})", used=k < _SHOWN_COMPONENTS)
 
 
-def _commands(model: mujoco.MjModel) -> Iterator[str]:
+def _body(own: str, name: str, add: Callable[..., None]) -> None:
+    for axis in AXES:
+        add(f"{own}_{axis}", "m", f"position({name}, {axis})")
+    add(f"{own}_vx", "m/s", f"velocity({name}, x)")
+    add(f"{own}_upright", "1", f"up({name}, z)")
+    add(f"{own}_yaw", "rad", f"yaw({name})")
+    add(f"{own}_contact", "N", f"contact({name})", used=False)
+
+
+def _commands(model: mujoco.MjModel, channels: set[str]) -> Iterator[str]:
+    """A line for each actuator; a name that a channel has gets an ending, so that measures can name both."""
+    if not model.nu:
+        yield "commands: {}   # the MJCF has no actuators; servos above bring some, named like their joints"
+        return
     yield "commands:"
-    named = [i for i in range(model.nu) if model.actuator(i).name]
-    if not named:
-        yield "  {}   # the MJCF has no named actuators; servos above bring some, named like their joints"
-    for i in named:
+    taken = set(channels)
+    for i in range(model.nu):
         name, unit = model.actuator(i).name, _unit_of_actuator(model, i)
         limits = ""
         if model.actuator_ctrllimited[i]:
-            low, high = (f"{value:g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[i])
+            low, high = (f"{value:.9g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[i])
             limits = f", limits: [{low}, {high}]"
-        key = name if name.isidentifier() else f'"{name}"'
-        yield f"  {_word(name)}: {{unit: {unit}, to: {{{key}: 1}}{limits}}}"
+        own = _word(name)
+        if own in taken:
+            own += "_command"
+        while own in taken:
+            own += "_"
+        taken.add(own)
+        shown = '"1"' if unit == "1" else unit
+        yield f"  {_key(own)}: {{unit: {shown}, to: {{{_key(name)}: 1}}{limits}}}"
 
 
 def _unit_of_actuator(model: mujoco.MjModel, i: int) -> str:
     """Of its control: a position or a velocity of its joint; else a plain number."""
-    if int(model.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_JOINT):
+    if int(model.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_JOINT) or int(model.actuator_dyntype[i]):
         return "1"
-    hinge = int(model.jnt_type[model.actuator_trnid[i, 0]]) == _HINGE
+    kind = int(model.jnt_type[model.actuator_trnid[i, 0]])
+    if kind not in {_HINGE, _SLIDE}:
+        return "1"
     if drives_position(model, i):
-        return "rad" if hinge else "m"
+        return "rad" if kind == _HINGE else "m"
     gain, bias = float(model.actuator_gainprm[i, 0]), float(model.actuator_biasprm[i, 2])
     if gain > 0 and abs(gain + bias) <= 1e-9 * gain and not model.actuator_biasprm[i, 1]:
-        return "rad/s" if hinge else "m/s"
+        return "rad/s" if kind == _HINGE else "m/s"
     return "1"
+
+
+def _unit_of_force(model: mujoco.MjModel, i: int) -> str:
+    """Of an actuator's force: a torque about a hinge, else a force."""
+    of_joint = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+    return "N*m" if of_joint and int(model.jnt_type[model.actuator_trnid[i, 0]]) == _HINGE else "N"

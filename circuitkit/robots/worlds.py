@@ -15,6 +15,9 @@ from circuitkit.robots.model import RobotModel
 
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _WHOLE = 1e-6  # far below a time step
+_LOST = [int(kind) for kind in (
+    mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC,
+)]  # fmt: skip
 
 
 def substeps_of(robot: RobotModel, step_s: float) -> int:
@@ -26,13 +29,22 @@ def substeps_of(robot: RobotModel, step_s: float) -> int:
     timestep = robot.model.opt.timestep
     count = step_s / timestep
     if abs(count - round(count)) > _WHOLE or round(count) == 0:
-        fitting = step_s / max(round(np.ceil(count)), 1)
+        below = np.floor(count) * timestep
+        steps = [f"{step * 1e3:g} ms" for step in (below, below + timestep) if step > 0]
         message = (
             f"found a control step of {step_s * 1e3:g} ms; allowed: a multiple of the model's time step of "
-            f"{timestep * 1e3:g} ms; or set timestep: {fitting * 1e3:g} ms in the robot file"
+            f"{timestep * 1e3:g} ms, such as {' or '.join(steps)}; or set timestep: {_fitting(step_s, count):g} ms "
+            f"in the robot file"
         )
         raise InputError(Problem("", 0, 0, "control_step", message))
     return round(count)
+
+
+def _fitting(step_s: float, count: float) -> float:
+    """The largest time step below the model's own that divides a control step and is short to write, [ms]."""
+    first = max(int(np.ceil(count)), 1)
+    exact = (step_s / n * 1e3 for n in range(first, first + 20))
+    return next((ms for ms in exact if abs(ms - float(f"{ms:.3g}")) < 1e-9), step_s / first * 1e3)  # noqa: PLR2004
 
 
 class Worlds:
@@ -77,17 +89,22 @@ class Worlds:
         self.batch = batch
         self._substeps = substeps_of(robot, step_s)
         count = min(batch, threads) if threads else (1 if batch == 1 else 0)
-        self.physics = Batch(model, batch, nthread=count)
+        sleeps = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
+        self.physics = Batch(model, batch, nthread=count, persistent=sleeps)
+        self._warned = self.physics.warning.tobytes()
         self._targets, self._last_target = targets, len(targets) - 1
         self._mixing, self._limits = _mixing(robot, commands)
         self._ctrl = self.physics.bind("ctrl")
         self._force = self.physics.bind("xfrc_applied")
         self.qpos, self.qvel = self.physics.bind("qpos"), self.physics.bind("qvel")
-        self.readings = self.physics.bind("sensordata") if model.nsensordata else np.zeros((batch, 0))
+        self._sensed = self.physics.bind("sensordata") if model.nsensordata else np.zeros((batch, 0))
+        self.readings = self._sensed
         self._skips = self._substeps > 1 and not _sensors_remember(model)
         if self._skips:
             self._flags = self.physics.expand("opt.disableflags")
         self._seeing = int(model.opt.disableflags)
+        self._stopped: NDArray[np.bool_] = np.zeros(batch, dtype=bool)
+        self._leaders: NDArray[np.int64] | None = None
         self._stepped: NDArray[np.int32] | None = None
         self.qpos[:] = start_qpos
         if model.na:
@@ -96,6 +113,20 @@ class Worlds:
     def begin(self) -> None:
         """Work out the readings at the start, once the state is what it shall be."""
         self.physics.forward()
+
+    def start_state(self) -> Array:
+        """The state of every world now, right after `begin`; for `restart`. Shape (B, n)."""
+        return self.physics.state.copy()
+
+    def restart(self, robots: NDArray[np.int64], start: Array) -> None:
+        """Put some robots back to their start, while the others go on; each then is at a tick of its own.
+
+        Args:
+            robots: Their numbers.
+            start: What `start_state` gave.
+        """
+        self.physics.state[robots] = start[robots]
+        self.physics.forward(robots.astype(np.int32))
 
     def push(self, body: int, force: Array, torque: Array | None = None) -> None:
         """Push a body from now on, with forces at its centre of mass and torques; world frame.
@@ -109,28 +140,67 @@ class Worlds:
         if torque is not None:
             self._force[:, body, 3:] = torque
 
+    def newly_lost(self) -> NDArray[np.bool_] | None:
+        """Whose positions, velocities or accelerations are no numbers, or huge: MuJoCo has set them back.
+
+        Returns:
+            Shape (B,); None if MuJoCo has warned of nothing since the last call.
+        """
+        warned = self.physics.warning.tobytes()  # comparing bytes costs a tenth of looking into the array
+        if warned == self._warned:
+            return None
+        self._warned = warned
+        lost: NDArray[np.bool_] = (self.physics.warning[:, _LOST, 1] > 0).any(axis=1)
+        return lost if self._leaders is None else lost | lost[self._leaders]
+
     def stop(self, robots: NDArray[np.bool_]) -> None:
         """From now on time stands still for these robots, of all of them; shape (B,).
 
         Their readings stay what they are, and `advance` costs less.
         """
-        going = np.flatnonzero(~robots)
-        self._stepped = None if len(going) == self.batch else going.astype(np.int32)
+        self._stopped = robots.copy()
+        self._choose()
 
-    def advance(self, tick: int, commands: Array) -> None:
+    def follow(self, leaders: NDArray[np.int64]) -> None:
+        """From now on a robot is simulated by its leader; one that is its own leader is simulated itself.
+
+        A robot that did the same as its leader until now and does so from now on has the same positions and
+        readings. When it gets another leader, which may be itself, it goes on from the state of the one that it
+        followed. Call it before somebody takes `readings`, which are another array afterwards.
+
+        Args:
+            leaders: Of each robot, shape (B,); a leader is its own leader.
+        """
+        if self._leaders is None:
+            self.readings = self._sensed.copy()
+        else:
+            moved = leaders != self._leaders
+            self.physics.state[moved] = self.physics.state[self._leaders[moved]]
+        self._leaders = leaders.copy()
+        self._choose()
+
+    def _choose(self) -> None:
+        """Find out which robots are to be stepped."""
+        going = ~self._stopped
+        if self._leaders is not None:
+            going &= self._leaders == np.arange(self.batch)
+        self._stepped = None if going.all() else np.flatnonzero(going).astype(np.int32)
+
+    def advance(self, tick: int | NDArray[np.int64], commands: Array) -> None:
         """Send what the reference wants at a tick plus the commands, and let one control step pass.
 
         Sensors have no memory here, and nobody reads them between two control steps: they are worked out in
         the last time step only, which leaves every bit as it is and saves a fifth of the time.
 
         Args:
-            tick: Row of the targets.
+            tick: Row of the targets; or one for each robot, shape (B,).
             commands: Shape (B, m), SI units.
         """
         if self._limits is not None:
             commands = np.clip(commands, *self._limits)
         np.vecdot(commands[:, None], self._mixing, self._ctrl)
-        np.add(self._ctrl, self._targets[min(tick, self._last_target)], self._ctrl)
+        row = min(tick, self._last_target) if isinstance(tick, int) else np.minimum(tick, self._last_target)
+        np.add(self._ctrl, self._targets[row], self._ctrl)
         if self._skips:
             self._flags[:] = self._seeing | _NO_SENSORS
             self.physics.step(self._stepped, self._substeps - 1)
@@ -138,6 +208,9 @@ class Worlds:
             self.physics.step(self._stepped)
         else:
             self.physics.step(self._stepped, self._substeps)
+        if self._leaders is not None:
+            np.take(self._sensed, self._leaders, axis=0, out=self.readings, mode="clip")
+            np.copyto(self.qpos, self.qpos[self._leaders])
 
 
 def _sensors_remember(model: mujoco.MjModel) -> bool:

@@ -5,8 +5,10 @@ A kind is a module in `disturbances`: a model of what the file says, and `act`, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -63,13 +65,24 @@ class Disturbance(FileModel):
         """Change the compiled model, for the whole run.
 
         Raises:
-            UnknownNameError: The model lacks a part; lists those it has.
+            InputError: The model lacks a part; lists those it has. Its place is that within the settings.
         """
 
     @property
     def changes_model(self) -> bool:
         """Whether `change` does something."""
         return False
+
+    def first_tick(self, effects: Effects, robot: int, where: str) -> int:  # noqa: ARG002 - for others
+        """From which tick on a robot may do otherwise than one that is not befallen by it; 0 if that is not known.
+
+        Asked of disturbances that are `per_robot`: robots with the same seed are the same before that tick, and
+        one of them is simulated for all.
+
+        Raises:
+            InputError: It starts at no moment of the reference.
+        """
+        return 0
 
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
         """Add hooks.
@@ -199,6 +212,7 @@ class Effects:
         on_commands: On what it writes; shape (B, m).
         forces: Forces on bodies, which are on `on_worlds` as well.
         windows_s: Start and end of each robot's first push; shape (B, 2); not a number without one.
+        own_tick: From which tick on a robot may do otherwise than others with its seed; shape (B,).
         shift_s: By how much pushes start later; shape (B,).
         spans: Everything that has a beginning and an end, for pictures: label, first and last second.
     """
@@ -220,10 +234,12 @@ class Effects:
     forces: list[BodyForce] = field(default_factory=list)
     spans: list[tuple[str, float, float]] = field(default_factory=list)
     windows_s: Array = field(init=False)
+    own_tick: NDArray[np.int64] = field(init=False)
     shift_s: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.windows_s = np.full((self.batch, 2), np.nan)
+        self.own_tick = np.full(self.batch, self.ticks, dtype=np.int64)
         self.shift_s = np.zeros(self.batch)
         self._generators: dict[tuple[int, int], np.random.Generator] = {}
         self._collections: dict[str, Any] = {}
@@ -248,17 +264,18 @@ class Effects:
             self._generators[key] = np.random.default_rng(seed)
         return self._generators[key]
 
-    def collected(self, name: str, make: Callable[[], Any], finish: Callable[[Effects], object]) -> Any:  # noqa: ANN401
-        """Something that several disturbances add to, and that is finished when all have.
+    def collected(self, name: str, make: Callable[[], Any], finish: Callable[[Effects], object] | None = None) -> Any:  # noqa: ANN401
+        """Something that several disturbances add to, and that may be finished when all have.
 
         Args:
             name: What it is called.
             make: Makes it empty.
-            finish: Is called in the end.
+            finish: Is called in the end; nothing if None.
         """
         if name not in self._collections:
             self._collections[name] = make()
-            self.finishers.append(finish)
+            if finish is not None:
+                self.finishers.append(finish)
         return self._collections[name]
 
     def moment(self, start: Any, where: str) -> Moment:  # noqa: ANN401 - seconds, or a mapping
@@ -272,7 +289,8 @@ class Effects:
                 return self.reference.moment(start, self.ticks * self.step_s)
             return self.reference.at(float(start))
         except InputError as error:
-            raise InputError(*(_placed(problem, f"{where}.start") for problem in error.problems)) from error
+            problems = (_placed(each, f"{where}.{each.where or 'start'}") for each in error.problems)
+            raise InputError(*problems) from error
 
     def window(self, start: Any, duration: float | None, where: str) -> tuple[int, int]:  # noqa: ANN401 - as above
         """First tick and one past the last tick of something; to the end without a duration."""
@@ -294,8 +312,6 @@ class Effects:
         Raises:
             InputError: Nothing has such a name; lists what there is.
         """
-        from fnmatch import fnmatchcase
-
         roles = {n: c for block in self.robot.blocks.values() for n, c in getattr(block, "sensor_roles", {}).items()}
         if pattern in roles:
             return list(roles[pattern]), []
@@ -306,11 +322,20 @@ class Effects:
                 if model.sensor(i).name == pattern:
                     first = int(model.sensor_adr[i])
                     return list(range(first, first + int(model.sensor_dim[i]))), []
-            error = UnknownNameError("channel", pattern, [*self.robot.channels, *roles])
-            raise InputError(*(_placed(problem, where) for problem in error.problems)) from error
+            with placed(where):
+                raise UnknownNameError("channel", pattern, dict.fromkeys([*self.robot.channels, *roles]))
         bare = [each.value.bare for each in channels]
         columns = list(dict.fromkeys(column for column in bare if column is not None))
         return columns, [each.name for each, column in zip(channels, bare, strict=True) if column is None]
+
+
+@contextmanager
+def placed(where: str) -> Iterator[None]:
+    """Give a complaint about an unknown name the place in the scenario where the name stands."""
+    try:
+        yield
+    except UnknownNameError as error:
+        raise InputError(*(_placed(problem, where) for problem in error.problems)) from error
 
 
 def _placed(problem: Problem, where: str) -> Problem:
@@ -351,7 +376,9 @@ def draw_effects(
     for i, spec in enumerate(specs):
         for k, each in enumerate(spec.disturbances):
             if each.per_robot:
-                each.act(effects, (i,), f"disturbances[{k}].{each.kind}")
+                where = f"disturbances[{k}].{each.kind}"
+                each.act(effects, (i,), where)
+                effects.own_tick[i] = min(effects.own_tick[i], each.first_tick(effects, i, where))
     for finish in effects.finishers:
         finish(effects)
     return effects
@@ -359,5 +386,5 @@ def draw_effects(
 
 __all__ = [
     "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start", "draw_effects",
-    "item_class",
+    "item_class", "placed",
 ]  # fmt: skip

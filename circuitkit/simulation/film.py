@@ -1,4 +1,4 @@
-"""Films of recordings: the robot, pushes as arrows, the circuit with its active neurons, channels; one run or several."""
+"""Films of recordings: the robot, pushes as arrows, the circuit with its active neurons, and channels."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 
 from circuitkit.base.errors import MissingDependencyError
 from circuitkit.base.files import replacing
+from circuitkit.base.progress import progress_bar
 from circuitkit.draw.style import GREY, INK, PAPER
 from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
-from circuitkit.simulation.progress import progress_bar
 from circuitkit.simulation.result import Result
 from circuitkit.simulation.scene import CameraScene
 from circuitkit.simulation.summary import PushSpan, summarise
@@ -21,14 +21,11 @@ from circuitkit.simulation.summary import PushSpan, summarise
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
 
-    from circuitkit.simulation.result import Result
-
 FRAMES_PER_S = 25
 SCENE_HEIGHT = 440
 FRAME_SIZE = (PANEL_WIDTH, SCENE_HEIGHT + PANEL_HEIGHT)
 
 _VERDICT_S = 1.5  # for so long at the end the film says how it ended
-_AFTER_END_S = 0.2
 _RED = "#c8201a"
 _GAP = 4  # between films side by side, [pixels]
 _FADED = 0.45  # how much of a film that is over is white
@@ -52,7 +49,7 @@ def film(results: Sequence[Result], path: Path, *, progress: bool = False) -> Pa
     length = max(frame_count(result) for result in results)
     width = len(results) * FRAME_SIZE[0] + (len(results) - 1) * _GAP
     with ExitStack() as stack:
-        show = stack.enter_context(progress_bar(length, "film", shown=progress))
+        show = stack.enter_context(progress_bar("film", length, shown=progress))
         reels = [stack.enter_context(closing(Reel(result))) for result in results]
         part = stack.enter_context(replacing(path))
         write = stack.enter_context(encode(part, (width, FRAME_SIZE[1])))
@@ -84,12 +81,12 @@ class Reel:
         self._panel = Panel(result, self._summary)
         self._scene = CameraScene(recording, PANEL_WIDTH, SCENE_HEIGHT)
         self._last = recording.ticks - 1
-        if self._summary.ended_s is not None:  # later a robot that fell may sink into the ground
-            self._last = min(self._last, round((self._summary.ended_s + _AFTER_END_S) / recording.step_s))
+        if self._summary.ended_s is not None:
+            self._last = self._scene.replay.last_above_ground(int(recording.end_tick[0]))
 
     def frame(self, number: int) -> Image.Image:
         """A frame by its number; after the last one, the last one, faded."""
-        from PIL import Image
+        from PIL import Image  # an extra
 
         time_s = min(number, self.length - 1) / FRAMES_PER_S
         row = max(round(time_s / self._summary.step_s) - 1, 0)
@@ -107,7 +104,7 @@ class Reel:
         return next((push for push in self._summary.pushes if push.shown_at(time_s)), None)
 
     def _write_on(self, scene: Image.Image, row: int, push: PushSpan | None) -> None:
-        from PIL import ImageDraw
+        from PIL import ImageDraw  # an extra
 
         pen = ImageDraw.Draw(scene)
         summary = self._summary
@@ -129,7 +126,7 @@ class Reel:
 
 def _joined(reels: Sequence[Reel], length: int, width: int) -> Iterator[Image.Image]:
     """Frames of all reels next to each other; the frame of a reel that is over is made once."""
-    from PIL import Image
+    from PIL import Image  # an extra
 
     over: dict[int, Image.Image] = {}
     for number in range(length):
@@ -143,7 +140,7 @@ def _joined(reels: Sequence[Reel], length: int, width: int) -> Iterator[Image.Im
 
 
 def _faded(image: Image.Image) -> Image.Image:
-    from PIL import Image
+    from PIL import Image  # an extra
 
     grey = image.convert("L").convert("RGB")
     return Image.blend(grey, Image.new("RGB", image.size, PAPER), _FADED)
@@ -165,7 +162,7 @@ def _encoder() -> Any:  # noqa: ANN401 - a context manager that gives a function
         MissingDependencyError: imageio-ffmpeg is not installed.
     """
     try:
-        import imageio_ffmpeg
+        import imageio_ffmpeg  # an extra
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:

@@ -104,7 +104,7 @@ def run_loop(
         commands=rows.commands[:done], trace=rows.trace[:done],
         observation_names=tuple(controller.observations), command_names=tuple(controller.commands),
         trace_names=setup.trace_names, interrupted=interrupted,
-        measures=tracker.measures(), end_tick=tracker.end_tick,
+        measures=tracker.measures(), end_tick=tracker.end_tick, lost=tracker.lost,
     )  # fmt: skip
 
 
@@ -152,7 +152,43 @@ def _start(setup: Setup, threads: int | None) -> Worlds:
     for kick in setup.effects.at_once:
         kick(worlds)
     setup.controller.reset(worlds.batch)
+    if (seed_noise := getattr(setup.controller, "seed_noise", None)) is not None:
+        seed_noise([spec.seed for spec in setup.specs])
     return worlds
+
+
+class _CommonStarts:
+    """Robots with the same seed do the same until something befalls one of them: one is simulated for all.
+
+    The controller, the noise and the measures go on for every robot, so that each has its own state, equal to
+    that of the others, when they part; only the physics, which is most of the work, is done once.
+    """
+
+    def __init__(self, setup: Setup, worlds: Worlds) -> None:
+        self._worlds = worlds
+        self._leaders = np.arange(worlds.batch)
+        self._own_tick = setup.effects.own_tick
+        by_seed: dict[int, list[int]] = {}
+        for i, spec in enumerate(setup.specs):
+            if self._own_tick[i] > 0:
+                by_seed.setdefault(spec.seed, []).append(i)
+        for robots in by_seed.values():
+            self._leaders[robots] = max(robots, key=lambda i: int(self._own_tick[i]))
+        self._partings = sorted({int(self._own_tick[i]) for i in np.flatnonzero(self._following)}, reverse=True)
+        if self._partings:
+            worlds.follow(self._leaders)
+
+    @property
+    def _following(self) -> NDArray[np.bool_]:
+        return self._leaders != np.arange(len(self._leaders))
+
+    def part(self, tick: int) -> None:
+        """Before a tick: let those go on by themselves whom something befalls in it."""
+        if self._partings and tick == self._partings[-1]:
+            self._partings.pop()
+            parting = self._own_tick == tick
+            self._leaders[parting] = np.flatnonzero(parting)
+            self._worlds.follow(self._leaders)
 
 
 def _ticks(
@@ -173,6 +209,7 @@ def _ticks(
         to_the_end: What comes after the end does not count: time stands still for who has ended, and the
             controller misses their readings, so that it need not work for them.
     """
+    starts = _CommonStarts(setup, worlds)
     sense, controller = _Senses(setup, worlds), setup.controller
     control, advance = controller.step, worlds.advance
     store = getattr(controller, "store_trace", None) if setup.trace_names else None
@@ -192,9 +229,12 @@ def _ticks(
             store(rows.trace[tick])
         if on_commands:
             _do(on_commands, tick, commands := rows.commands[tick])
+        starts.part(tick)
         if on_worlds:
             _do(on_worlds, tick, worlds)
         advance(tick, commands)
+        if (lost := worlds.newly_lost()) is not None:
+            tracker.lose(lost, tick)
         rows.readings[tick] = worlds.readings
         rows.qpos[tick] = worlds.qpos
         recent_readings[tick % _LOOK_EVERY] = worlds.readings

@@ -1,8 +1,10 @@
-"""What stands below the robot in a film: the circuit with its active neurons, and channels over the last moments."""
+"""What stands below the robot in a film: the circuit with its active neurons, and channels' last moments."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 PANEL_WIDTH, PANEL_HEIGHT = 640, 200
 
 _FINE = 2  # drawn so much larger and then reduced
-_NETWORK = (8, 24, 404, 172)  # left, top, width, height, [pixels]
+_NETWORK = (8, 24, 404, 162)  # left, top, width, height, [pixels]
 _CHART = (432.0, 26.0, 630.0, 192.0)  # left, top, right, bottom
 _TEXT, _SMALL_TEXT = 11.0, 9.5
 _RED = "#c8201a"
@@ -55,12 +57,31 @@ class Panel:
         names = (*recording.observation_names, *recording.command_names)
         values = np.concatenate([recording.observations[:, robot], recording.commands[:, robot]], axis=1)
         self._shown = dict(zip(names, values.T, strict=True))
-        self._units = {**recording.robot.channel_units, **recording.robot.command_units}
         units = channels_of_interest([result])
+        self._units = {name: shown_unit(self._shown[name], units[name]) for name in names if name in units}
         chosen = [*recording.observation_names[: _MOST_ROWS - 1], *recording.command_names[:1]]
         chosen += [name for name in units if name not in chosen]
-        self._rows = [_Row(name, units[name], values_of(result, name)) for name in chosen[:_MOST_ROWS] if name in units]
+        self._rows = [
+            _Row(name, units[name], values_of(result, name)) for name in chosen[:_MOST_ROWS] if name in units
+        ]
+        self._places = {} if self._lit is None else self._room_below(self._lit.boxes)
         self._title = _title(result)
+
+    def _room_below(
+        self, boxes: Mapping[str, tuple[float, float, float, float]]
+    ) -> dict[str, tuple[float, float]]:
+        """Where values stand: below each box of a side, if all of them have room; [pixels]."""
+        half = self._lit.width / 2 if self._lit is not None else 0.0
+        places = {}
+        for right in (False, True):  # inputs stand on the left, outputs on the right
+            side = [name for name, box in boxes.items() if (box[0] > half) == right and name in self._units]
+            side.sort(key=lambda name: boxes[name][1])
+            if any(boxes[b][1] - boxes[a][3] < _SMALL_TEXT * _FINE for a, b in pairwise(side)):
+                continue
+            for name in side:
+                x0, _, x1, y1 = boxes[name]
+                places[name] = ((self._at[0] + (x0 + x1) / 2) / _FINE, (self._at[1] + y1) / _FINE + 5)
+        return places
 
     def picture(self, tick: int) -> Image.Image:
         """The panel after a tick."""
@@ -78,15 +99,13 @@ class Panel:
         return image.reduce(_FINE)
 
     def _write_values(self, pen: ImageDraw.ImageDraw, tick: int) -> None:
-        """The value of every input and output below its box."""
-        if self._lit is None:
-            return
-        for name, (x, y) in self._lit.boxes.items():
-            if name in self._shown:
-                text = _valued(float(self._shown[name][tick]), self._units[name])
-                at = ((self._at[0] + x) / _FINE, (self._at[1] + y) / _FINE + 5)
-                colour = _RED if text == "missing" else INK
-                _write(pen, at, text, _SMALL_TEXT, anchor="mm", bold=True, fill=colour)
+        """The value of every input and output below its box, where there is room."""
+        for name, (x, y) in self._places.items():
+            text = _valued(float(self._shown[name][tick]), *self._units[name])
+            colour = _RED if text == "missing" else INK
+            half = pen.textlength(text, font=font(_SMALL_TEXT * _FINE, bold=True)) / (2 * _FINE)
+            at = (min(max(x, half + 2), _CHART[0] - half - 4), y)
+            _write(pen, at, text, _SMALL_TEXT, anchor="mm", bold=True, fill=colour)
 
     def _paint_chart(self, pen: ImageDraw.ImageDraw, tick: int) -> None:
         """Some channels over the last moments, the newest on the right."""
@@ -101,12 +120,14 @@ class Panel:
             low, high = top + i * height + 15, top + (i + 1) * height - 3
             pen.line([_fine(left, high), _fine(right, high)], fill=GREY, width=1)
             _write(pen, (left, low - 8), row.name, _SMALL_TEXT, anchor="lm", bold=True)
-            text = _valued(float(row.values[tick]), row.unit)
+            text = _valued(float(row.values[tick]), *row.unit)
             _write(pen, (right, low - 8), text, _SMALL_TEXT, anchor="rm")
             for push in self._summary.pushes:
                 begin, end = (right - (tick * step_s - t) * scale for t in (push.start_s, push.end_s))
                 if begin < right and end > left:
-                    pen.rectangle([_fine(max(begin, left), low), _fine(min(end, right), high)], fill="#f8e3b0")
+                    pen.rectangle(
+                        [_fine(max(begin, left), low), _fine(min(end, right), high)], fill="#f8e3b0"
+                    )
             xs = right - (tick - np.arange(first, tick + 1)) * step_s * scale
             ys = high - (row.values[first : tick + 1] - row.low) / (row.high - row.low) * (high - low)
             points = [_fine(x, y) for x, y in zip(xs, ys, strict=True) if np.isfinite(y)]
@@ -118,7 +139,7 @@ class _Row:
     """A channel in the chart."""
 
     def __init__(self, name: str, unit: Unit, values: Array) -> None:
-        self.name, self.unit, self.values = name, unit, values
+        self.name, self.unit, self.values = name, shown_unit(values, unit), values
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
         margin = 0.05 * (high - low) or 1.0
@@ -133,11 +154,10 @@ def _title(result: Result) -> str:
     return f"circuit {graph.name}" if known & set(names) else f"the circuit {graph.name} is not connected"
 
 
-def _valued(value: float, unit: Unit) -> str:
-    """A value in its unit, with as many digits as one can follow in a film."""
+def _valued(value: float, scale: float, symbol: str) -> str:
+    """A value in the unit of a symbol and a scale, with as many digits as one can follow in a film."""
     if not np.isfinite(value):
         return "missing"
-    scale, symbol = shown_unit(np.array([value]), unit)
     shown = value / scale
     text = f"{shown:.{0 if abs(shown) >= 100 else 1 if abs(shown) >= 10 else 2}f}"  # noqa: PLR2004 - three digits
     text = text.replace("-", "\N{MINUS SIGN}") if float(text) else text.removeprefix("-")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,9 @@ from circuitkit.control import (
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
 from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation.disturbance import RunSpec, draw_effects
+from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
-from circuitkit.simulation.measures import Formula, Judge, located, parse_measure
+from circuitkit.simulation.measures import Judge, located
 from circuitkit.simulation.reference import Motion, Reference
 from circuitkit.simulation.scenario import Scenario
 
@@ -123,7 +125,7 @@ class Plan:
         if chosen is None:
             chosen = CIRCUIT if self.circuits.used is not None else OPEN_LOOP
         if isinstance(chosen, str | Path):
-            with self.scenario.located("controller"):
+            with self.scenario.located("controller") if given is None else nullcontext():
                 chosen = self._named(str(chosen))
         bind = getattr(chosen, "bind", None)
         with self.scenario.located("connect"):
@@ -306,21 +308,24 @@ def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -
     """The robot as it is simulated: with changed bodies, and the sensors that measures ask for themselves."""
     changes = [(k, each) for k, each in enumerate(scenario.befalling) if each.changes_model]
     units = measurable(Body(robot, robot, motion, 1.0, 1))
-    calls = {}
+    calls: dict[str, Any] = {}
     for key, name, text in [("until", "", scenario.until or ""), *(("measures", *m) for m in scenario.formulas.items())]:
         if text:
             every = set(robot.channels) | set(units)
             formula = _formula(scenario, (key, name), text, units, every)
-            calls |= {str(call): call for call in formula.references}
+            complain = partial(scenario.problem_in, key, name)
+            calls = {str(call): (call, complain) for call in formula.references} | calls
     if not changes and not calls:
         return robot
-    try:
-        made = build_model(file, (), tuple(calls.values()))
-    except ExpressionError as error:
-        raise InputError(scenario.problem_in("measures", "", str(error), 0)) from error
+    made = build_model(file, (), calls)
     for k, each in changes:
-        with scenario.located(f"disturbances[{k}].{each.kind}"):
-            each.change(made)
+        place = f"disturbances[{k}].{each.kind}"
+        with scenario.located(place):
+            try:
+                each.change(made)
+            except InputError as error:
+                within = (replace(p, where=f"{place}.{p.where}".rstrip(".")) for p in error.problems)
+                raise InputError(*within) from error
     return made
 
 
@@ -337,4 +342,5 @@ def control_step(scenario: Scenario, reference: Reference, circuit: CircuitGraph
     if circuit is not None:
         return circuit.step_s
     message = "missing key 'control_step'; required where neither a reference nor a circuit has one"
-    raise InputError(scenario.problem_in("control_step", "", message, 0))
+    with scenario.located("control_step"):
+        raise InputError(Problem("", 0, 0, "control_step", message))

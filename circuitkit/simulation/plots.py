@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.control import Array
 from circuitkit.draw.style import (
     CYCLE,
-    DASHES,
     GREY,
     INK,
     NORMAL,
     PALE,
+    axes_at,
     house_style,
     new_figure,
+    plain_legend,
     save_figure,
     tidy,
 )
@@ -35,18 +38,31 @@ _FEWEST_TICKS = 2  # with fewer there is no line to draw
 _LEAST_WAY_M = 0.05  # a base that moves less has no path
 _MOST_LINES = 6  # in one panel
 _MOST_PANELS = 12
-_SHOWN_IN = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "m/s": "mm/s"}  # where the values are small
+_MOST_COMPARED = 8  # panels of a comparison
+_HIGH_IN, _LOW_IN = 1.6, 1.0  # of a panel of a comparison: of up to four, of more
+_FEW = 4
+_SHOWN_IN = {"m": "mm", "m/s": "mm/s"}  # where the values are small
+_SMALL = 0.3  # up to which values are
+_PATH_IN = 4.2  # longer side of the picture of a path
+_NARROWEST = 0.25  # shorter side of it, at least, as a share of the longer one
+_ALONG = 0.9  # cosine to an axis from which on a slide goes along it
+_BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
+_ROUND = frozenset(
+    map(int, (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE))
+)
+_SQUARE = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+_NUMBERS = re.compile(r"(\d+)")
 
 
 def draw_result(result: Result, folder: Path) -> None:
-    """Write `channels.png`, `neurons.png` where the controller has some, `path.png` of a robot that goes somewhere,
-    and what the blocks of the robot's file add, such as the ZMP of a biped.
+    """Write the plots of a run; of one that was stopped at once nothing.
 
-    Of a run that was stopped at once nothing is drawn.
+    These are `channels.png`, `neurons.png` where the controller has some, `path.png` of a robot that goes
+    somewhere, and what the blocks of the robot's file add.
 
     Raises:
         OutputError: A file cannot be written.
-    """  # noqa: D205 - the summary is a list
+    """
     if result.recording.ticks < _FEWEST_TICKS:
         return
     summary = summarise(result)
@@ -58,7 +74,7 @@ def result_figures(result: Result, summary: RunSummary) -> dict[str, Figure]:
     """The plots of a run by the name of their file."""
     found = {}
     if panels := _panels(result):
-        found["channels"] = _titled(traces_figure(result.recording.time_s, panels, None, _spans(summary)), summary)
+        found["channels"] = traces_figure(_time(result), panels, None, _spans(summary), _headline(summary))
     if result.recording.trace_names:
         found["neurons"] = neuron_figure(result, summary)
     if (path := path_figure([result])) is not None:
@@ -69,7 +85,7 @@ def result_figures(result: Result, summary: RunSummary) -> dict[str, Figure]:
 
 
 def draw_comparison(results: Sequence[Result], folder: Path) -> None:
-    """Write `compare.png`: what the controllers read and wrote side by side; and `path.png` of robots that move.
+    """Write `compare.png`: what the controllers read and wrote, and `path.png` of robots that move.
 
     Raises:
         OutputError: A file cannot be written.
@@ -88,21 +104,24 @@ def comparison_figure(results: Sequence[Result]) -> Figure:
         if (drawn := getattr(block, "comparison", lambda _: None)(results)) is not None:
             figure: Figure = drawn
             return figure
-    longest = max(results, key=lambda result: result.recording.ticks)
+    longest = max(results, key=lambda result: len(_time(result)))
+    time = _time(longest)
+    chosen = list(channels_of_interest(results).items())[:_MOST_COMPARED]
+    height = _HIGH_IN if len(chosen) <= _FEW else _LOW_IN
     panels = []
-    for name, unit in channels_of_interest(results).items():
-        scale, shown = shown_unit(np.concatenate([values_of(r, name) for r in results]), unit)
+    for number, (name, unit) in enumerate(chosen):
+        curves = [_shown(result, name) for result in results]
+        scale, shown = shown_unit(np.concatenate(curves), unit)
+        # The first is broad and behind, the last thin and in front: both are seen where they agree.
         lines = [
-            Line(result.recording.controller, _padded(values_of(result, name) / scale, longest), CYCLE[i % len(CYCLE)],
-                 DASHES[i % len(DASHES)])
-            for i, result in enumerate(results)
+            Line("" if number else result.recording.controller, _padded(curve, len(time)) / scale,
+                 CYCLE[i % len(CYCLE)], "-", max(2.2 - 0.9 * i, 0.7))
+            for i, (result, curve) in enumerate(zip(results, curves, strict=True))
         ]  # fmt: skip
-        panels.append(Panel(f"{name} [{shown}]", lines))
-    summary = summarise(longest)
-    figure = traces_figure(longest.recording.time_s, panels[:_MOST_PANELS], None, _spans(summary))
+        panels.append(Panel(_label(name, shown), lines, height=height))
     words = "; ".join(f"{result.recording.controller}: {result.outcome}" for result in results)
-    figure.suptitle(f"{summary.scenario}: {words}", fontsize=NORMAL, y=0.995)
-    return figure
+    summary = summarise(longest)
+    return traces_figure(time, panels, None, _spans(summary), f"{summary.scenario}   {words}")
 
 
 def neuron_figure(result: Result, summary: RunSummary) -> Figure:
@@ -113,11 +132,23 @@ def neuron_figure(result: Result, summary: RunSummary) -> Figure:
         roles = {neuron.name: neuron.role for neuron in recording.circuit.neurons}
         for population in recording.circuit.populations:
             roles |= {f"{population.name}[{i}]": population.role for i in range(population.size)}
-    trace = recording.trace[:, 0]
-    full = float(np.nanmax(np.abs(trace), initial=0.0)) or 1.0
-    activity = Activity(recording.trace_names, np.abs(trace), roles, full)
+    ticks = len(_time(result))
+    trace = np.abs(recording.trace[:ticks, 0])
+    activity = Activity(recording.trace_names, trace, roles, _darkest(recording.trace_names, trace))
     panels = _command_panels(result)
-    return _titled(traces_figure(recording.time_s, panels, activity, _spans(summary)), summary)
+    return traces_figure(_time(result), panels, activity, _spans(summary), _headline(summary))
+
+
+def _darkest(names: Sequence[str], trace: Array) -> float | list[float]:
+    """Output that is shown darkest: 1, or where some is larger the largest of each neuron or population."""
+    largest = np.nanmax(trace, axis=0, initial=0.0)
+    if largest.max(initial=0.0) <= 1:
+        return 1.0
+    groups: dict[str, float] = {}
+    for name, value in zip(names, largest, strict=True):
+        whole = name.partition("[")[0]
+        groups[whole] = max(groups.get(whole, 0.0), float(value))
+    return [groups[name.partition("[")[0]] or 1.0 for name in names]
 
 
 def path_figure(results: Sequence[Result]) -> Figure | None:
@@ -126,34 +157,62 @@ def path_figure(results: Sequence[Result]) -> Figure | None:
     if all(way is None or np.ptp(way, axis=0).max() < _LEAST_WAY_M for way in ways):
         return None
     with house_style():
-        figure = new_figure(5.2, 5.0)
-        axes = figure.add_axes((0.13, 0.11, 0.82, 0.8))
+        low, high = _extent(results[0], ways)
+        size = (high - low) * (_PATH_IN / (high - low).max())
+        words = [f"{result.recording.controller}: {result.outcome}" for result in results]
+        above = 0.35 + 0.18 * len(words)
+        figure = new_figure(size[0] + 1.0, size[1] + above + 0.55)
+        axes = axes_at(figure, 0.75, above, *size)
         tidy(axes)
         _surroundings(axes, results[0])
-        for i, (result, way) in enumerate(zip(results, ways, strict=True)):
+        for i, (way, label) in enumerate(zip(ways, words, strict=True)):
             if way is not None:
                 colour = INK if len(results) == 1 else CYCLE[i % len(CYCLE)]
-                label = f"{result.recording.controller}: {result.outcome}"
-                axes.plot(*way.T, color=colour, linestyle=DASHES[i % len(DASHES)], linewidth=1.3, label=label)
+                axes.plot(*way.T, color=colour, linewidth=max(2.2 - 0.9 * i, 0.7), label=label)
                 axes.plot(*way[0], "o", color=colour, markersize=6)
                 axes.plot(*way[-1], "s", color=colour, markersize=6)
-        axes.set(xlabel="x [m]   (circle: start, square: end)", ylabel="y [m]", aspect="equal")
-        axes.margins(0.08)
-        axes.set_title(results[0].scenario.scenario)
-        axes.legend(loc="best", frameon=True, framealpha=0.9, edgecolor="none")
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axes.set(xlabel="x [m]   (circle: start, square: end)", ylabel="y [m]")
+        plain_legend(axes, "lower left", (0.0, 1.0), borderaxespad=0.2)
+        width, height = figure.get_size_inches()
+        figure.text(0.1 / width, 1 - 0.1 / height, results[0].scenario.scenario, va="top", fontsize=NORMAL)
     return figure
 
 
-def _titled(figure: Figure, summary: RunSummary) -> Figure:
-    figure.suptitle(f"{summary.scenario}, {summary.title}", fontsize=NORMAL, x=0.02, y=0.995, ha="left")
-    return figure
+def _extent(result: Result, ways: Sequence[Array | None]) -> tuple[Array, Array]:
+    """Corners of a picture from above: the ways, what stands around, and a margin; not too narrow."""
+    seen = [way for way in ways if way is not None] + list(_outlines(result))
+    points = np.concatenate(seen)
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    half = np.maximum(half, _NARROWEST * half.max()) + 0.04 * half.max()
+    return middle - half, middle + half
+
+
+def _time(result: Result) -> Array:
+    """Its ticks, up to a moment after its end: later a robot may do anything."""
+    summary = summarise(result)
+    return summary.time_s[summary.time_s <= summary.end_s + 0.5 * summary.step_s]
+
+
+def _headline(summary: RunSummary) -> str:
+    return f"{summary.scenario}   {summary.title}"
+
+
+def _label(name: str, unit: str) -> str:
+    return name if unit == "1" else f"{name} [{unit}]"
+
+
+def _natural(name: str) -> list[str | int]:
+    """For sorting: `bend_2` before `bend_10`."""
+    return [int(part) if i % 2 else part for i, part in enumerate(_NUMBERS.split(name))]
 
 
 def _spans(summary: RunSummary) -> list[Span]:
     spans = [Span(push.start_s, push.end_s, push.text) for push in summary.pushes]
     spans += [Span(begin, max(end, begin + summary.step_s), text) for text, begin, end in summary.spans]
     if summary.ended_s is not None:
-        spans.append(Span(summary.ended_s, float(summary.time_s[-1]), "ended"))
+        spans.append(Span(summary.ended_s, summary.end_s, "ended"))
     return spans
 
 
@@ -166,13 +225,14 @@ def _panels(result: Result) -> list[Panel]:
             groups.setdefault(unit.dimension.si_symbol, []).append((name, unit))
     panels = []
     for group in groups.values():
+        group.sort(key=lambda each: _natural(each[0]))
         for start in range(0, len(group), _MOST_LINES):
             part = group[start : start + _MOST_LINES]
-            values = {name: values_of(result, name) for name, _ in part}
+            values = {name: _shown(result, name) for name, _ in part}
             scale, shown = shown_unit(np.concatenate(list(values.values())), part[0][1])
             lines = [Line(name, array / scale) for name, array in values.items()]
             one = part[0][0] if len(part) == 1 else "channels"
-            panels.append(Panel(f"{one} [{shown}]", lines if len(part) > 1 else [Line("", lines[0].values)]))
+            panels.append(Panel(_label(one, shown), lines if len(part) > 1 else [Line("", lines[0].values)]))
     return [*panels, *_command_panels(result)][:_MOST_PANELS]
 
 
@@ -185,10 +245,12 @@ def _command_panels(result: Result) -> list[Panel]:
     for names in groups.values():
         for start in range(0, len(names), _MOST_LINES):
             part = names[start : start + _MOST_LINES]
-            unit = recording.robot.commands[part[0]].unit
-            lines = [Line(name if len(part) > 1 else "", values_of(result, name) / unit.scale) for name in part]
-            label = part[0] if len(part) == 1 else "commands"
-            panels.append(Panel(f"{label} [{unit}]", lines, height=1.1))
+            values = [_shown(result, name) for name in part]
+            scale, shown = shown_unit(np.concatenate(values), recording.robot.commands[part[0]].unit)
+            many = len(part) > 1
+            pairs = zip(part, values, strict=True)
+            lines = [Line(name if many else "", each / scale) for name, each in pairs]
+            panels.append(Panel(_label("commands" if many else part[0], shown), lines, height=1.1))
     return panels
 
 
@@ -207,6 +269,7 @@ def channels_of_interest(results: Sequence[Result]) -> dict[str, Unit]:
 
 
 def values_of(result: Result, name: str) -> Array:
+    """A channel or a command of the first robot; shape (T,), SI unit; not a number where it has neither."""
     recording = result.recording
     if name in recording.command_names:
         return recording.command(name)[:, 0]
@@ -215,56 +278,77 @@ def values_of(result: Result, name: str) -> Array:
     return np.full(recording.ticks, np.nan)
 
 
-def _padded(values: Array, longest: Result) -> Array:
-    return np.concatenate([values, np.full(longest.recording.ticks - len(values), np.nan)])
+def _shown(result: Result, name: str) -> Array:
+    """The same up to a moment after its end."""
+    return values_of(result, name)[: len(_time(result))]
+
+
+def _padded(values: Array, ticks: int) -> Array:
+    return np.concatenate([values, np.full(ticks - len(values), np.nan)])
 
 
 def shown_unit(values: Array, unit: Unit) -> tuple[float, str]:
-    """A unit in which values are easy to read: angles in degrees, small lengths in millimetres."""
+    """A unit in which values are easy to read: its own, angles in degrees, small lengths in millimetres."""
     symbol = unit.dimension.si_symbol
-    small = float(np.nanmax(np.abs(values), initial=0.0)) < 1
     if unit.symbol != symbol:
         return float(unit.scale), unit.symbol
-    if symbol in _SHOWN_IN and (small or symbol.startswith("rad")):
-        shown = parse_unit(_SHOWN_IN[symbol])
-        return float(shown.scale), shown.symbol
-    return 1.0, symbol
+    small = float(np.nanmax(np.abs(values), initial=0.0)) < _SMALL
+    wanted = "deg" if symbol == "rad" else _SHOWN_IN.get(symbol) if small else None
+    if wanted is None:
+        return 1.0, symbol
+    shown = parse_unit(wanted)
+    return float(shown.scale), shown.symbol
 
 
 def _way(result: Result) -> Array | None:
-    """Where the robot's base went, forward and left; shape (T, 2)."""
-    recording = result.recording
+    """Where the robot's base went, forward and left; shape (T, 2). None of a robot that cannot go about."""
+    recording, ticks = result.recording, len(_time(result))
     model = recording.robot.model
     if recording.robot.base is not None:
         place = int(model.jnt_qposadr[recording.robot.base])
-        return recording.qpos[:, 0, place : place + 2]
+        return recording.qpos[:ticks, 0, place : place + 2]
     places: dict[int, int] = {}
     for joint in range(model.njnt):
         on_ground = int(model.body_parentid[model.jnt_bodyid[joint]]) == 0
+        slides = int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
         axis = np.abs(model.jnt_axis[joint])
-        if on_ground and int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE) and axis[:2].max() > 0.9:  # noqa: PLR2004 - along x or y
+        if on_ground and slides and axis[:2].max() > _ALONG:
             places[int(axis[:2].argmax())] = int(model.jnt_qposadr[joint])
-    if not places:
+    if places.keys() != {0, 1}:
         return None
-    columns = [recording.qpos[:, 0, places[axis]] if axis in places else np.zeros(recording.ticks) for axis in (0, 1)]
-    return np.column_stack(columns)
+    return recording.qpos[:ticks, 0][:, [places[0], places[1]]]
+
+
+def _obstacles(result: Result) -> Iterator[tuple[int, Array, Array]]:
+    """What stands still in the world and can be touched: its number, centre and rotation."""
+    model = result.recording.robot.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    touched = (model.geom_contype | model.geom_conaffinity) != 0
+    for geom in np.flatnonzero((model.body_weldid[model.geom_bodyid] == 0) & touched):
+        yield int(geom), data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+
+
+def _outlines(result: Result) -> Iterator[Array]:
+    """Corners, from above, of what stands in the world; shape (4, 2)."""
+    model = result.recording.robot.model
+    for geom, centre, turned in _obstacles(result):
+        half: NDArray[np.float64] = np.array(model.geom_size[geom])
+        if int(model.geom_type[geom]) in _ROUND:
+            half = np.repeat(half[0], 3)
+        if int(model.geom_type[geom]) in _ROUND | {_BOX}:
+            yield (centre + (_SQUARE * half) @ turned.T)[:, :2]
 
 
 def _surroundings(axes: Axes, result: Result) -> None:
-    """Outlines of what stands still in the world: boxes, cylinders, spheres."""
-    from matplotlib.patches import Circle, Polygon
+    """Outlines of what stands in the world: boxes, cylinders, spheres."""
+    from matplotlib.patches import Circle, Polygon  # brings matplotlib
 
     model = result.recording.robot.model
-    kinds = mujoco.mjtGeom
     style: Any = {"facecolor": PALE, "edgecolor": GREY, "linewidth": 0.8, "zorder": 0.5}
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    for geom in np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0):
-        kind, centre = int(model.geom_type[geom]), data.geom_xpos[geom]
-        if kind == int(kinds.mjGEOM_BOX):
-            half = model.geom_size[geom]
-            corners = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]) * half
-            around = centre + corners @ data.geom_xmat[geom].reshape(3, 3).T
-            axes.add_patch(Polygon(around[:, :2], closed=True, **style))
-        elif kind in {int(kinds.mjGEOM_CYLINDER), int(kinds.mjGEOM_SPHERE), int(kinds.mjGEOM_CAPSULE)}:
+    for geom, centre, turned in _obstacles(result):
+        if int(model.geom_type[geom]) == _BOX:
+            corners = centre + (_SQUARE * model.geom_size[geom]) @ turned.T
+            axes.add_patch(Polygon(corners[:, :2], closed=True, **style))
+        elif int(model.geom_type[geom]) in _ROUND:
             axes.add_patch(Circle((centre[0], centre[1]), model.geom_size[geom, 0], **style))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -15,10 +15,12 @@ from scipy.io import netcdf_file
 from circuitkit.base.files import replacing, write_text
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.circuit import CircuitGraph
+from circuitkit.circuit.expressions.dimensions import named_symbol
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
 from circuitkit.simulation.disturbance import Effects, RunSpec
-from circuitkit.simulation.measures import Judge, Value
+from circuitkit.simulation.formulas import Value
+from circuitkit.simulation.measures import Judge
 from circuitkit.simulation.reference import Motion
 
 _NO_WORD = re.compile(r"\W+")
@@ -69,6 +71,7 @@ class Recording:
     measures: tuple[Mapping[str, Value], ...]
     end_tick: NDArray[np.int64]
     interrupted: bool = False
+    lost: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
     @property
     def ticks(self) -> int:
@@ -123,14 +126,14 @@ class Recording:
         columns["push_n"] = (self.push_n[:, robot], "N")
         for name, channel in self.robot.channels.items():
             values = Observer(self.robot.channels, [name])(self.readings[:, robot])[:, 0]
-            columns[column_name(name, channel.unit)] = (values, channel.unit.dimension.si_symbol)
+            columns[column_name(name, channel.unit)] = (values, named_symbol(channel.unit.dimension))
         for name, planned in self.motion.planned.items():
-            columns[column_name(name, planned.unit)] = (planned.values[: self.ticks], planned.unit.dimension.si_symbol)
+            columns[column_name(name, planned.unit)] = (planned.values[: self.ticks], named_symbol(planned.unit.dimension))
         for block in self.robot.blocks.values():
             for name, (values, unit) in getattr(block, "columns", lambda _: {})(self).items():
-                columns[column_name(name, unit)] = (values[:, robot], unit.dimension.si_symbol)
+                columns[column_name(name, unit)] = (values[:, robot], named_symbol(unit.dimension))
         for name, (place, unit) in self.joints.items():
-            columns[column_name(name, unit)] = (self.qpos[:, robot, place], unit.symbol)
+            columns.setdefault(column_name(name, unit), (self.qpos[:, robot, place], unit.symbol))
         for kind, names, values in (
             ("input", self.observation_names, self.observations),
             ("neuron", self.trace_names, self.trace),
@@ -138,7 +141,7 @@ class Recording:
         ):
             units = self.robot.channel_units if kind == "input" else self.robot.command_units
             for i, name in enumerate(names):
-                unit = units[name].dimension.si_symbol if name in units and kind != "neuron" else "1"
+                unit = named_symbol(units[name].dimension) if name in units and kind != "neuron" else "1"
                 columns[f"{kind}_{name}"] = (values[:, robot, i], unit)
         if self.observation_names:
             missing = (~np.isfinite(self.observations[:, robot])).any(axis=1).astype(float)
@@ -187,6 +190,6 @@ class Recording:
 
 def column_name(name: str, unit: Unit) -> str:
     """A name that ends in its SI unit, such as `zmp_y_m`; a plain number's name stays as it is."""
-    symbol = unit.dimension.si_symbol
+    symbol = named_symbol(unit.dimension)
     word = _NO_WORD.sub("_", name)
     return word if symbol == "1" else f"{word}_{_NO_WORD.sub('_', symbol).lower().strip('_')}"

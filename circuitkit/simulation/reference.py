@@ -57,7 +57,7 @@ class NumbersFile:
     """A kind of file that a reference is made from.
 
     Attributes:
-        folder: Where shipped ones lie, such as `sims/gaits`.
+        folder: Where shipped ones lie, such as `sims/studies`.
         model: What such a file says.
     """
 

@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from circuitkit.base.errors import MissingDependencyError
+from circuitkit.base.errors import InputError, MissingDependencyError, Problem
+from circuitkit.base.progress import progress_bar
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Controller
-from circuitkit.robots import Robot
+from circuitkit.robots import Robot, load_robot
 from circuitkit.simulation.disturbance import RunSpec
-from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.loop import Setup, run_loop
 from circuitkit.simulation.plan import CIRCUIT, Plan, make_plan
+from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.result import Result
 from circuitkit.simulation.scenario import Scenario, load_scenario, parse_push, with_push
 
@@ -115,7 +117,10 @@ def compare(
 
 def _loaded(scenario: Scenario | str | Path, robot: Robot | str | Path | None) -> Scenario:
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    return loaded if robot is None else loaded.model_copy(update={"robot": robot})
+    if robot is None:
+        return loaded
+    given = robot if isinstance(robot, Robot) else load_robot(robot)
+    return loaded.model_copy(update={"robot": given})
 
 
 def _folder_names(names: Sequence[str]) -> list[str]:
@@ -144,16 +149,14 @@ def _run(
     spec = plan.own_spec(seed)
     if push is not None:
         spec = RunSpec(spec.seed, with_push(scenario, parse_push(push, scenario)))
-    setup = plan.setup(controller, [spec])
-    from circuitkit.simulation.progress import progress_bar  # brings rich
-
-    with progress_bar(plan.ticks, controller.name, shown=progress) as advance:
+    setup = _setup(plan, controller, spec, given=push is not None)
+    with progress_bar(controller.name, plan.ticks, shown=progress) as advance:
         recording = run_loop(setup, advance)
     if recording.ticks == 0:
         raise KeyboardInterrupt
     path = None if output is None else recording.save(Path(output))
     backend = getattr(controller, "backend", "")
-    result = Result(scenario, recording, recording.measures[0], path, backend=backend)
+    result = Result(scenario, recording, recording.measures[0], path, _unstable(recording), backend)
     if output is not None:
         from circuitkit.simulation.plots import draw_result  # brings matplotlib
 
@@ -161,10 +164,29 @@ def _run(
     return result
 
 
+def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) -> Setup:
+    """What runs; a direction that nobody knows is one of `--push` if that was given."""
+    try:
+        return plan.setup(controller, [spec])
+    except InputError as error:
+        if not given or not all(each.where.endswith(".push.direction") for each in error.problems):
+            raise
+        problems = (Problem("", 0, 0, "--push: direction", each.message, each.hint) for each in error.problems)
+        raise InputError(*problems) from error
+
+
+def _unstable(recording: Recording) -> tuple[str, ...]:
+    """A note if MuJoCo could not go on."""
+    if not recording.lost[0]:
+        return ()
+    advice = "a smaller timestep, less stiff servos or more damping may help"
+    return (f"the simulation became unstable at {recording.ended_s():.3f} s; {advice}",)
+
+
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:
     """Film the runs side by side; the last result, with a note if nothing here can make a film."""
     from circuitkit.simulation.film import film  # brings a renderer
-    from circuitkit.simulation.renderer import RendererError
+    from circuitkit.simulation.renderer import RendererError  # brings a renderer
 
     try:
         film(results, path, progress=progress)
@@ -175,7 +197,7 @@ def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Resu
 
 def _shown(result: Result) -> Result:
     """Show the run in a window; with a note if there is none."""
-    from circuitkit.simulation.viewer import DisplayError, watch
+    from circuitkit.simulation.viewer import DisplayError, watch  # only windows need it
 
     try:
         watch(result)

@@ -5,11 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from circuitkit.base.errors import InputError, Problem, UnitError
 from circuitkit.base.source import (
@@ -39,7 +47,9 @@ class _Sides(FileModel):
     """Names that differ between a circuit and a robot."""
 
     inputs: Mapping[str, str] = Field(default={}, description="Channel by the circuit's input.")
-    outputs: Mapping[str, str] = Field(default={}, description="Command by the circuit's output.")
+    outputs: Mapping[str, str | None] = Field(
+        default={}, description="Command by the circuit's output; ~ for one that is not written."
+    )
 
 
 class _ReferenceItem(FileModel):
@@ -94,8 +104,8 @@ def scenario_class() -> type[Scenario]:
     measure: Any = measures_class()
     fields: dict[str, Any] = {
         "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
-        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls the robot, in order.")),
-        "measures": (measure, Field(default=measure(), description="What is told of a run, by name.")),
+        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls robot, channels and commands, in order.")),
+        "measures": (measure, Field(default=measure(), description="Expressions by name, and kinds of measures with their settings.")),
     }
     return create_model("Scenario", __base__=Scenario, **fields)
 
@@ -127,6 +137,13 @@ def _as_file(value: Any) -> Any:  # noqa: ANN401 - any field
     return value
 
 
+_TAKEN: Mapping[str, tuple[tuple[type, ...], str]] = {  # no types: what is neither a number nor a mapping nor a list
+    "robot": ((str, Path, Robot), "the name of a robot, the path of a robot file, or a Robot"),
+    "circuit": ((str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
+    "controller": ((), "a name, a path, or a Controller"),
+}
+
+
 class Scenario(FileModel, metaclass=_TakesObjects):
     """A simulation.
 
@@ -137,10 +154,10 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     model_config = ConfigDict(arbitrary_types_allowed=True)
 
     scenario: str = Field(default="scenario", description="Name.")
-    description: str = ""
-    robot: Any = Field(description="A shipped robot, or the path of a robot.yaml.")
+    description: str = Field(default="", description="One sentence; `circuitkit list` shows it.")
+    robot: Any = Field(description="A shipped robot, or the path of a robot file.")
     servo_profile: str | None = Field(
-        default=None, description="A set of servos of the robot file; its own if absent."
+        default=None, description="A set of servos of the robot file; its own choice if absent."
     )
     reference: Any = None
     controller: Any = Field(
@@ -157,13 +174,13 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         "such as q1 or q1 -> p1.",
     )
     control_step: Seconds | None = Field(
-        default=None, gt=0, description="That of the reference, else that of the circuit, if absent."
+        default=None, gt=0, description="Time between two commands; that of the reference, else that of the circuit, if absent."
     )
-    duration: Seconds = Field(gt=0, le=LONGEST_S)
+    duration: Seconds = Field(gt=0, le=LONGEST_S, description="How long the run lasts.")
     disturbances: Any = ()
     until: str | None = Field(default=None, description="Condition that ends the run.")
     measures: Any = Field(default_factory=dict)
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, description="Seed of everything random.")
 
     _document: Document = PrivateAttr(default=Document("", None, {}))
 
@@ -171,21 +188,19 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         """Pickle by the function that makes the class."""
         return unfilled, (scenario_class,), self.__getstate__()
 
-    @model_validator(mode="after")
-    def _takes(self) -> Scenario:
-        for key, kinds, allowed in (
-            ("robot", (str, Path, Robot), "the name of a robot, the path of a robot file, or a Robot"),
-            ("circuit", (str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
-        ):
-            if not isinstance(found := getattr(self, key), kinds):
-                message = f"{key}: found {describe(found) if isinstance(found, dict | list) else found}; allowed: {allowed}"
-                raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError
-        if isinstance(self.controller, int | float | dict | list):
-            message = f"controller: found {describe(self.controller)}; allowed: a name, a path, or a Controller"
+    @field_validator("robot", "circuit", "controller")
+    @classmethod
+    def _takes(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - text or an object
+        key = str(info.field_name)
+        kinds, allowed = _TAKEN[key]
+        fits = isinstance(value, kinds) if kinds else not isinstance(value, int | float | dict | list)
+        if not fits:
+            plain = isinstance(value, int | float | dict | list | type(None))
+            message = f"found {describe(value) if plain else repr(value)}; allowed: {allowed}"
             raise ValueError(message)
-        return self
+        return value
 
-    @cached_property
+    @property
     def befalling(self) -> tuple[Disturbance, ...]:
         """The disturbances themselves."""
         return tuple(item.disturbance for item in self.disturbances)
@@ -195,14 +210,14 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         """The pushes among the disturbances."""
         return tuple(each for each in self.befalling if isinstance(each, Push))
 
-    @cached_property
+    @property
     def formulas(self) -> dict[str, str]:
         """The measures that are expressions, by name; `survived` unless the scenario has its own."""
         extra = getattr(self.measures, "__pydantic_extra__", None)
         own = dict(extra if extra is not None else self.measures or {})
         return own if "survived" in own else {"survived": "not ended", **own}
 
-    @cached_property
+    @property
     def measure_kinds(self) -> tuple[Any, ...]:
         """The measures of registered kinds."""
         found = [getattr(self.measures, kind, None) for kind in MEASURES.kinds]
@@ -225,11 +240,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     def with_disturbances(self, disturbances: tuple[Disturbance, ...]) -> Scenario:
         """The same scenario with others."""
         item = item_class()
-        changed = self.model_copy(
+        return self.model_copy(
             update={"disturbances": tuple(item(**{each.kind: each}) for each in disturbances)}
         )
-        changed.__dict__.pop("befalling", None)
-        return changed
 
     def file(self, name: str) -> str:
         """A file that the scenario names, from the scenario's own folder if it is a relative path."""

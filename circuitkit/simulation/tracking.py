@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
 from circuitkit.simulation.disturbance import Effects
-from circuitkit.simulation.measures import Judge, Track, Value
+from circuitkit.simulation.formulas import Track, Value
+from circuitkit.simulation.measures import Judge
 from circuitkit.simulation.reference import Motion
 
 
@@ -22,6 +23,7 @@ class Tracker:
         end_tick: In which tick; -1 who has not; shape (B,).
         seen_tick: When that was seen; shape (B,).
         done: How many ticks it knows.
+        lost: Whose simulation became unstable, which ended it; shape (B,).
     """
 
     def __init__(
@@ -60,7 +62,13 @@ class Tracker:
         self.end_tick = np.full(batch, -1)
         self.seen_tick = np.full(batch, -1)
         self.done = 0
+        self.lost: NDArray[np.bool_] = np.zeros(batch, dtype=bool)
+        self._lost_tick = np.full(batch, ticks)
         self._firsts: list[Array] = []
+
+    def lose(self, robots: NDArray[np.bool_], tick: int) -> None:
+        """The simulation of these robots became unstable in a tick; shape (B,)."""
+        self._lost_tick[robots] = np.minimum(self._lost_tick[robots], tick)
 
     def look(self, readings: Array, commands: Array) -> NDArray[np.bool_]:
         """Take the ticks since the last look, and see who has ended in them.
@@ -79,11 +87,18 @@ class Tracker:
         for i, observer in enumerate(self._observers):
             self._values[begin : self.done, :, i] = observer(readings)[..., 0]
         self._commands[begin : self.done] = commands
-        if self._judge.until is None:
-            return newly
-        holds = self._judge.until.holds(lambda first: self._track(slice(None), first, self.done), begin, self._firsts)
-        newly = holds.any(axis=0) & ~self.ended
-        self.end_tick[newly] = begin + holds[:, newly].argmax(axis=0)
+        if self._judge.until is not None:
+            def track(first: int) -> Track:
+                return self._track(slice(None), first, self.done)
+
+            holds = self._judge.until.holds(track, begin, self._firsts)
+            newly = holds.any(axis=0) & ~self.ended
+            self.end_tick[newly] = begin + holds[:, newly].argmax(axis=0)
+        if (self._lost_tick < self.done).any():
+            lost = (self._lost_tick < np.where(newly, self.end_tick, self.done)) & ~self.ended
+            self.end_tick[lost] = self._lost_tick[lost]
+            self.lost |= lost
+            newly |= lost
         self.seen_tick[newly] = self.done - 1
         self.ended |= newly
         return newly

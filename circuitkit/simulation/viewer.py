@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -31,26 +32,26 @@ def watch(result: Result) -> None:
     if result.recording.ticks == 0:
         return
     _require_display()
-    import mujoco.viewer
+    import mujoco.viewer  # opens the window system
 
-    from circuitkit.simulation.puppet import Puppet
+    from circuitkit.simulation.scene import ReplayModel  # which finds a renderer
 
-    puppet = Puppet(result.recording)
-    puppet.stand(0)
+    replayed = ReplayModel(result.recording)
+    replayed.stand(0)
     try:
         window = mujoco.viewer.launch_passive(
-            puppet.model, puppet.data, show_left_ui=False, show_right_ui=False
+            replayed.model, replayed.data, show_left_ui=False, show_right_ui=False
         )
     except RuntimeError as error:  # on macOS only the main thread may open windows
         message = f"the viewer does not start: {error}; or {_INSTEAD}"
         raise DisplayError(message) from error
     with window:
-        replay(result, puppet, window)
+        replay(result, replayed, window)
 
 
 def replay(
     result: Result,
-    puppet: Any,  # noqa: ANN401 - a Puppet; its module loads MuJoCo
+    replayed: Any,  # noqa: ANN401 - a ReplayModel; its module loads MuJoCo
     window: Any,  # noqa: ANN401 - MuJoCo's handle is not typed
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], object] = time.sleep,
@@ -59,30 +60,29 @@ def replay(
 
     Args:
         result: The run.
-        puppet: What the viewer shows.
+        replayed: What the viewer shows.
         window: Handle of the viewer.
         clock: Time, [s].
         sleep: Waits for so long, [s].
     """
-    from circuitkit.simulation.puppet import add_arrow
-    from circuitkit.simulation.stage import place_camera
-    from circuitkit.simulation.story import tell
+    from circuitkit.simulation.scene import add_arrow, place_camera  # which finds a renderer
+    from circuitkit.simulation.summary import summarise  # as above
 
-    story = tell(result)
+    summary = summarise(result)
     start = clock()
     with window.lock():
-        place_camera(window.cam, puppet.centre_m[0])
+        place_camera(window.cam, replayed, 0)
     while window.is_running():
-        time_s = (clock() - start) % (story.time_s[-1] + _PAUSE_S)
-        tick = min(int(time_s / story.step_s), len(story.time_s) - 1)
+        time_s = (clock() - start) % (summary.time_s[-1] + _PAUSE_S)
+        tick = min(int(time_s / summary.step_s), len(summary.time_s) - 1)
         with window.lock():
-            puppet.stand(tick)
-            puppet.data.time = story.time_s[tick]
-            window.cam.lookat[:2] = puppet.centre_m[tick]
+            replayed.stand(tick)
+            replayed.data.time = summary.time_s[tick]
+            window.cam.lookat[:] = replayed.centre_m[tick]
             window.user_scn.ngeom = 0
-            for push in story.pushes:
+            for push in summary.pushes:
                 if push.shown_at(time_s):
-                    add_arrow(window.user_scn, *puppet.arrow(push))
+                    add_arrow(window.user_scn, *replayed.arrow(push))
         window.sync()
         sleep(1.0 / _PICTURES_PER_S)
 
@@ -99,9 +99,7 @@ def _require_display() -> None:
         raise DisplayError(message)
     if sys.platform == "darwin":  # there only mjpython may speak to the window system
         return
-    import warnings
-
-    import glfw
+    import glfw  # opens the window system
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the message below says it better

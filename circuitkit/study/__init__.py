@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from circuitkit.study.cases import Case
     from circuitkit.study.driver import load_study, run_cases, run_studies, sweep
     from circuitkit.study.jobs import Outcome
-    from circuitkit.study.pool import Pool, open_pool
-    from circuitkit.study.results import Limit, Results, Share, read_results, wilson_interval
+    from circuitkit.study.results import Limit, Results, Share, wilson_interval
     from circuitkit.study.spec import Cell, Study, make_study, read_study
+    from circuitkit.study.store import read_results
+    from circuitkit.study.workers import Workers, open_workers
 
 __all__ = [
     "Case",
@@ -23,13 +24,13 @@ __all__ = [
     "Cell",
     "Limit",
     "Outcome",
-    "Pool",
     "Results",
     "Share",
     "Study",
+    "Workers",
     "load_study",
     "make_study",
-    "open_pool",
+    "open_workers",
     "read_results",
     "read_study",
     "run_cases",
@@ -42,9 +43,10 @@ _MODULES = {
     "case_builder": "CaseBuilder",
     "cases": "Case",
     "jobs": "Outcome",
-    "pool": "Pool open_pool",
-    "results": "Limit Results Share read_results wilson_interval",
+    "results": "Limit Results Share wilson_interval",
     "spec": "Cell Study make_study read_study",
+    "store": "read_results",
+    "workers": "Workers open_workers",
     "driver": "load_study run_cases run_studies sweep",
 }
 _MODULE_OF_NAME = {name: module for module, names in _MODULES.items() for name in names.split()}

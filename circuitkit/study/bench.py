@@ -147,6 +147,7 @@ def _cases_of(file: Path) -> Iterable[AnyCase]:
         message = f"cannot load the benchmarks of '{file}'"
         raise CircuitkitError(message)
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # where dataclasses look for the names in their annotations
     spec.loader.exec_module(module)
     cases: Iterable[AnyCase] = module.cases()
     return cases

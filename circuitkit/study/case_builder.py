@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -11,18 +11,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-from pydantic import BaseModel
-
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.source import (
     Data,
     Document,
-    Finding,
     Place,
     find_data_file,
-    model_problems,
-    place_text,
     read_yaml,
     validate_model,
 )
@@ -32,18 +26,15 @@ from circuitkit.control.spec import without_kind
 from circuitkit.robots import Robot, load_robot
 from circuitkit.robots.spec import robot_class, robot_path
 from circuitkit.simulation import Reference, Scenario
-from circuitkit.simulation.disturbances.fault import Fault
-from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.plan import BUILT_IN, CIRCUIT, OPEN_LOOP, Circuits, control_step, load_circuits
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import FOLDER, LONGEST_S, scenario_class
 from circuitkit.study.cases import FILES, Case, fingerprint
+from circuitkit.study.complaints import Complaints, about_file
+from circuitkit.study.duration import WATCH, require_moments, watched
 from circuitkit.study.paths import Change, PathError, put, put_into_scenario, read_change, without_gaps
 from circuitkit.study.spec import Cell, Settings, Study, cell_of
 
-_HORIZONS_S = (60.0, 600.0, LONGEST_S)  # in which moments of the reference are looked for
-
-ModelT = TypeVar("ModelT", bound=BaseModel)
 T = TypeVar("T")
 
 
@@ -134,8 +125,7 @@ class CaseBuilder:
             circuits = self._circuits(scenario, outer, set_in_circuit)
         with _collected(problems):
             if reference is not None and circuits is not None:
-                scenario = self._watched(scenario, reference.value, circuits, outer)
-                self._require_moments(scenario, reference.value, outer)
+                scenario = self._timed(scenario, reference.value, circuits, outer)
         if problems or robot is None or reference is None or controller is None or circuits is None:
             raise InputError(*problems)
         if inner["robot"]:
@@ -146,7 +136,11 @@ class CaseBuilder:
             controller=controller.value,
             circuits=circuits,
             circuit_settings={name: _text(change.value) for name, change in set_in_circuit.items()},
-            numbers={"reference": reference.numbers, "controller": controller.numbers, "robot": robot.numbers},
+            numbers={
+                "reference": reference.numbers,
+                "controller": controller.numbers,
+                "robot": robot.numbers,
+            },
             inputs=self._inputs(scenario, robot, reference, controller, circuits),
         )
 
@@ -159,7 +153,7 @@ class CaseBuilder:
             try:
                 changes.append(read_change(path, value, place))
             except PathError as error:
-                problems.append(self._problem(Change(path, (path,), value, place), str(error), is_name=True))
+                problems += self._complaints.about_path(Change(path, (path,), value, place), error).problems
         return changes
 
     # --- what a case consists of ---------------------------------------------------------------------------
@@ -170,7 +164,11 @@ class CaseBuilder:
         try:
             return read_yaml(find_data_file(self._beside(name), FOLDER))
         except InputError as error:
-            raise self._at(("scenario",), error, name) from error
+            raise about_file(self._study.document, ("scenario",), error, name) from error
+
+    @cached_property
+    def _complaints(self) -> Complaints:
+        return Complaints(self._study.document, self._base.path)
 
     @cached_property
     def _base_circuit(self) -> str | None:
@@ -209,14 +207,16 @@ class CaseBuilder:
         try:
             return put_into_scenario(data, change)
         except PathError as error:
-            raise InputError(self._problem(change, str(error), error.hint, is_name=True)) from error
+            raise self._complaints.about_path(change, error) from error
 
     def _put_into_reference(self, data: Data, change: Change) -> list[Change]:
         """A field of a reference whose numbers stand in the scenario itself; nothing for one with a file."""
         given = data.get("reference") if isinstance(data, dict) else None
         if not isinstance(given, dict) or len(given) != 1:
-            message = "the scenario has no reference with fields; allowed: fields of the reference that it has"
-            raise InputError(self._problem(change, message, is_name=True))
+            message = (
+                "the scenario has no reference with fields; allowed: fields of the reference that it has"
+            )
+            raise InputError(self._complaints.about(change, message, is_name=True))
         (kind,) = given
         if kind not in REFERENCES.kinds or REFERENCES[kind].file is not None:
             return []
@@ -224,67 +224,42 @@ class CaseBuilder:
         try:
             put(data, at, change.value, 2, "reference")
         except PathError as error:
-            raise InputError(self._problem(change, str(error), error.hint, is_name=True)) from error
+            raise self._complaints.about_path(change, error) from error
         return [replace(change, at=at)]
 
     def _scenario_of(self, data: Data, changes: Sequence[Change], *, moves: bool = False) -> Scenario:
         key = json.dumps(data)
         document = self._base
         if moves:  # the numbers of the disturbances are no longer those of the file
-            marks = {place: mark for place, mark in document.marks.items() if place[:1] != ("disturbances",) or len(place) == 1}
+            marks = {
+                place: mark
+                for place, mark in document.marks.items()
+                if place[:1] != ("disturbances",) or len(place) == 1
+            }
             document = replace(document, marks=marks)
 
         def make() -> Scenario:
-            made = self._validated(self._base, scenario_class(), data, changes)
+            made = self._complaints.validated(self._base, scenario_class(), data, changes)
             made._document = document  # what `load_scenario` does
             return made
 
         return self._once(("scenario", key), make)
 
-    def _watched(
+    def _timed(
         self, scenario: Scenario, reference: Reference, circuits: Circuits, changes: Sequence[Change]
     ) -> Scenario:
-        """The scenario that ends so long after the last push."""
-        watch = self._study.file.watch
-        if watch is None or not scenario.pushes:
-            return scenario
+        """The scenario with its duration, in which everything begins before the end."""
+        watch, document = self._study.file.watch, self._study.document
         try:
             with scenario.located("disturbances"):
-                step_s = control_step(scenario, reference, circuits.used)
-                end = max(self._ends(scenario, reference))
+                if watch is not None:
+                    step_s = control_step(scenario, reference, circuits.used)
+                    scenario = watched(scenario, reference, step_s, watch)
+                require_moments(scenario, reference)
         except InputError as error:
-            raise self._relocated(error, changes) from error
-        ticks = int(np.ceil(round((end + watch) / step_s, 6)))
-        duration = round(ticks * step_s, 9)
-        if duration > LONGEST_S:
-            message = f"found {watch:g} s, so that a run lasts {duration:g} s; allowed: {LONGEST_S:g} s in all"
-            raise InputError(self._study.document.problem(("watch",), message))
-        for each in scenario.befalling:
-            if isinstance(each, Fault) and isinstance(each.start, float) and each.start >= duration:
-                message = f"the fault of {each.channel} starts after the end; allowed: before {duration:g} s"
-                raise InputError(self._study.document.problem(("watch",), message))
-        return scenario.model_copy(update={"duration": duration})
-
-    @staticmethod
-    def _ends(scenario: Scenario, reference: Reference) -> Iterator[float]:
-        """When each push ends, [s]."""
-        for k, each in enumerate(scenario.befalling):
-            if isinstance(each, Push):
-                yield _start_s(reference, each.start, k, each.kind, _HORIZONS_S) + each.duration
-
-    def _require_moments(self, scenario: Scenario, reference: Reference, changes: Sequence[Change]) -> None:
-        """See whether everything that starts at a moment of the reference does so before the end.
-
-        Raises:
-            InputError: There is no such moment.
-        """
-        for k, each in enumerate(scenario.befalling):
-            if isinstance(start := getattr(each, "start", None), Mapping):
-                try:
-                    with scenario.located("disturbances"):
-                        _start_s(reference, start, k, each.kind, (scenario.duration,))
-                except InputError as error:
-                    raise self._relocated(error, changes) from error
+            of_watch = [document.problem((WATCH,), p.message) for p in error.problems if p.where == WATCH]
+            raise InputError(*of_watch) if of_watch else self._complaints.relocated(error, changes) from error
+        return scenario
 
     def _robot(self, scenario: Scenario, outer: Sequence[Change], inner: Sequence[Change]) -> _File:
         """The robot file."""
@@ -295,13 +270,17 @@ class CaseBuilder:
                 robot = load_robot(file)
             if inner:
                 document = read_yaml(robot_path(file))
-                robot = self._validated(document, robot_class(), self._with(document, inner), inner, 1)
+                robot = self._complaints.validated(
+                    document, robot_class(), self._with(document, inner), inner, 1
+                )
                 robot._document = document  # what `load_robot` does
             says = (_without_paths(robot), robot.mjcf_path.read_bytes().hex())
             return _File(robot, says, robot.model_dump(mode="json") if inner else None)
 
         key = ("robot", file, _changed(inner))
-        return self._once(key, lambda: self._guarded(make, "robot", str(scenario.robot), [*outer, *inner]))
+        return self._once(
+            key, lambda: self._complaints.guarded(make, "robot", str(scenario.robot), [*outer, *inner])
+        )
 
     def _reference(self, scenario: Scenario, outer: Sequence[Change], inner: Sequence[Change]) -> _File:
         """The reference, from the file that the scenario names or from what it says itself."""
@@ -311,28 +290,33 @@ class CaseBuilder:
         given, made = getattr(scenario.reference, kind), REFERENCES[kind]
         if made.file is None:
             settings = scenario.reference.model_dump(mode="json", exclude_unset=True)
-            key = ("reference", json.dumps(settings))
-            return self._once(key, lambda: _File(scenario.made_reference(), settings))
+            return self._once(
+                ("reference", json.dumps(settings)), lambda: _File(scenario.made_reference(), settings)
+            )
         folder, model = made.file.folder, made.file.model
         file = scenario.file(str(given))
 
         def make() -> _File:
             with scenario.located(f"reference.{kind}"):
                 document = read_yaml(find_data_file(file, folder))
-                numbers = self._validated(document, model, self._with(document, inner), inner, 1)
+                numbers = self._complaints.validated(document, model, self._with(document, inner), inner, 1)
             build: Callable[[Any], Reference] = made
             return _File(build(numbers), numbers, numbers.model_dump(mode="json"))
 
         key = ("reference", file, _changed(inner))
-        return self._once(key, lambda: self._guarded(make, f"reference.{kind}", str(given), [*outer, *inner]))
+        return self._once(
+            key, lambda: self._complaints.guarded(make, f"reference.{kind}", str(given), [*outer, *inner])
+        )
 
     def _controller(self, scenario: Scenario, outer: Sequence[Change], inner: Sequence[Change]) -> _File:
         """The controller file, or the name of a controller without one."""
         name = scenario.controller or (OPEN_LOOP if scenario.circuit is None else CIRCUIT)
         if name in BUILT_IN:
             if inner:
-                message = f"the controller '{name}' has no file with fields; allowed: a controller that has one"
-                raise InputError(self._problem(inner[0], message, is_name=True))
+                message = (
+                    f"the controller '{name}' has no file with fields; allowed: a controller that has one"
+                )
+                raise InputError(self._complaints.about(inner[0], message, is_name=True))
             return self._once(("controller", name), lambda: _File(name, None))
         file = scenario.file(name)
 
@@ -345,20 +329,22 @@ class CaseBuilder:
                     raise UnknownNameError(kind, name, (*BUILT_IN, *shipped_controllers())) from error
             if inner:
                 document = without_kind(read_yaml(find_data_file(file, CONTROLLERS)))
-                spec = self._validated(document, type(spec), self._with(document, inner), inner, 1)
+                spec = self._complaints.validated(document, type(spec), self._with(document, inner), inner, 1)
             return _File(spec, spec, spec.model_dump(mode="json"))
 
         key = ("controller", file, _changed(inner))
-        return self._once(key, lambda: self._guarded(make, "controller", name, [*outer, *inner]))
+        return self._once(key, lambda: self._complaints.guarded(make, "controller", name, [*outer, *inner]))
 
-    def _circuits(self, scenario: Scenario, outer: Sequence[Change], changes: Mapping[str, Change]) -> Circuits:
+    def _circuits(
+        self, scenario: Scenario, outer: Sequence[Change], changes: Mapping[str, Change]
+    ) -> Circuits:
         """The circuit; another circuit than the scenario's may be judged by the scenario's own."""
         values = {name: _text(change.value) for name, change in changes.items()}
         base = self._base_circuit
         if scenario.circuit is None:
             if changes:
                 message = "the scenario has no circuit; allowed: fields of the circuit that it has"
-                raise InputError(self._problem(next(iter(changes.values())), message, is_name=True))
+                raise InputError(self._complaints.about(next(iter(changes.values())), message, is_name=True))
             return Circuits()
         other = scenario.circuit if scenario.circuit != base else None
         own = scenario if other is None else scenario.model_copy(update={"circuit": base})
@@ -374,19 +360,15 @@ class CaseBuilder:
                     try:
                         load({name: values[name]})
                     except InputError as alone:
-                        raise InputError(*(self._set_problem(change, p) for p in alone.problems)) from error
+                        raise InputError(
+                            *(self._complaints.about_setting(change, p) for p in alone.problems)
+                        ) from error
                 raise
 
-        key = ("circuit", scenario.circuit, json.dumps([values, scenario.silenced]))
-        return self._once(key, lambda: self._guarded(make, "circuit", str(scenario.circuit), outer))
-
-    def _set_problem(self, change: Change, problem: Problem) -> Problem:
-        """A complaint about a value that was set in the circuit."""
-        message = problem.message.replace(" (with --set)", "")
-        if problem.file and problem.file != self._base.path:
-            message = f"{message} ({problem.file}:{problem.line}:{problem.column})"
-        is_name = problem.message.startswith("unknown name")
-        return self._problem(change, message, problem.hint, is_name=is_name)
+        key = ("circuit", scenario.circuit, json.dumps([values, dict(scenario.settings), scenario.silenced]))
+        return self._once(
+            key, lambda: self._complaints.guarded(make, "circuit", str(scenario.circuit), outer)
+        )
 
     def _inputs(
         self, scenario: Scenario, robot: _File, reference: _File, controller: _File, circuits: Circuits
@@ -431,88 +413,8 @@ class CaseBuilder:
             try:
                 put(data, change.parts[1:], change.value)
             except PathError as error:
-                raise InputError(self._problem(change, str(error), error.hint, is_name=True)) from error
+                raise self._complaints.about_path(change, error) from error
         return data
-
-    def _validated(
-        self, document: Document, model: type[ModelT], data: Data, changes: Sequence[Change], skip: int = 0
-    ) -> ModelT:
-        """A model of changed data; what is wrong with a change is told where the study makes it."""
-        result, findings = model_problems(document, model, data)
-        if result is None:
-            prefix = changes[0].parts[:skip] if changes else ()
-            raise InputError(*(self._explained(finding, changes, prefix) for finding in findings))
-        return result
-
-    def _explained(self, finding: Finding, changes: Sequence[Change], prefix: Place) -> Problem:
-        place = (*prefix, *finding.place)
-        key, _, message = finding.problem.message.partition(": ")
-        if not finding.place:  # of the file as a whole, or a key that its message begins with
-            named = [change for change in changes if change.at == (key,)]
-            return self._problem(named[-1], message) if named else finding.problem
-        for change in reversed(changes):
-            if change.reaches(place):
-                is_name = finding.kind == "extra_forbidden" and place == change.at
-                told = self._problem(change, finding.problem.message, finding.problem.hint, is_name=is_name)
-                return replace(told, where=change.shown(place))
-        return finding.problem
-
-    def _guarded(self, make: Callable[[], T], key: str, name: str, changes: Sequence[Change]) -> T:
-        """Make something from a file that a scenario names; if the study named it, complain there."""
-        try:
-            return make()
-        except InputError as error:
-            named = [change for change in changes if place_text(change.at) == key]
-            files = {problem.file for problem in error.problems} - {"", self._base.path}
-            inside = [file for file in files if file != name or Path(file).is_file()]
-            if named and not inside:
-                problems = [p for p in error.problems if p.where in {"", key}]
-                if problems:
-                    told = (self._problem(named[-1], p.message, p.hint) for p in problems)
-                    raise InputError(*told) from error
-            raise self._relocated(error, changes) from error
-
-    def _relocated(self, error: InputError, changes: Iterable[Change]) -> InputError:
-        """Complaints about the scenario file, told where the study changed it."""
-        by_text = {place_text(change.at): change for change in changes}
-        problems = []
-        for problem in error.problems:
-            here = problem.file == self._base.path
-            hits = [text for text in by_text if here and _overlap(text, problem.where)]
-            if not hits:
-                problems.append(problem)
-                continue
-            change = by_text[hits[-1]]
-            inner = problem.where.removeprefix(hits[-1]) if problem.where.startswith(hits[-1]) else ""
-            told = self._problem(change, problem.message, problem.hint)
-            problems.append(replace(told, where=f"{change.path}{inner}"))
-        return InputError(*problems)
-
-    def _problem(self, change: Change, message: str, hint: str = "", *, is_name: bool = False) -> Problem:
-        """A complaint about a change, where the study makes it.
-
-        Args:
-            change: The change.
-            message: What was found; what is allowed.
-            hint: What was probably meant.
-            is_name: Whether the path is wrong, not the value.
-        """
-        if change.place is None:
-            return Problem("", 0, 0, change.path, message, hint)
-        place = change.place
-        at_key = is_name and place[:1] != ("search",)
-        if is_name and place[:1] == ("axes",) and place[-1] != change.path:
-            place = place[:-1]  # the axis is called after the field
-        return replace(self._study.document.problem(place, message, hint, at_key=at_key), where=change.path)
-
-    def _at(self, place: Place, error: InputError, name: str) -> InputError:
-        """Complaints about a file that cannot be found, told where the study names it."""
-        return InputError(
-            *(
-                self._study.document.problem(place, p.message, p.hint) if p.file in {"", name} else p
-                for p in error.problems
-            )
-        )
 
 
 def _is_inside(key: str, change: Change) -> bool:
@@ -525,30 +427,6 @@ def _has_push(data: Mapping[str, Any]) -> bool:
     return any("push" in item for item in data.get("disturbances") or () if isinstance(item, dict))
 
 
-def _start_s(reference: Reference, start: Any, number: int, kind: str, horizons_s: Sequence[float]) -> float:  # noqa: ANN401 - as files have it
-    """When a disturbance starts, [s]: at a time, or at a moment of the reference.
-
-    Args:
-        reference: Knows moments.
-        start: The time, or the words of the moment.
-        number: Of the disturbance, for complaints.
-        kind: Of the disturbance, for complaints.
-        horizons_s: Ends of the runs in which it is looked for, one after the other: short ones are planned faster.
-
-    Raises:
-        InputError: There is no such moment.
-    """
-    if not isinstance(start, Mapping):
-        return float(start)
-    for horizon_s in horizons_s:
-        try:
-            return reference.moment(start, horizon_s).time_s
-        except InputError as error:
-            problems = error.problems
-    where = f"disturbances[{number}].{kind}"
-    raise InputError(*(replace(each, where=f"{where}.{each.where}") for each in problems))
-
-
 @contextmanager
 def _collected(problems: list[Problem]) -> Iterator[None]:
     """Keep complaints, to go on and find more."""
@@ -556,12 +434,6 @@ def _collected(problems: list[Problem]) -> Iterator[None]:
         yield
     except InputError as error:
         problems += error.problems
-
-
-def _overlap(one: str, other: str) -> bool:
-    """Whether one place is in the other."""
-    short, long = sorted((one, other), key=len)
-    return long.startswith(short) and long[len(short) : len(short) + 1] in {"", ".", "["}
 
 
 def _changed(changes: Sequence[Change]) -> str:

@@ -18,7 +18,11 @@ from circuitkit.simulation.plan import Body, Circuits, make_body
 
 FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
 _NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself
-_OWN_FORM = {"disturbances", "measures", "reference"}  # keys that are written as in a file, without empty kinds
+_OWN_FORM = {
+    "disturbances",
+    "measures",
+    "reference",
+}  # keys that are written as in a file, without empty kinds
 
 
 @dataclass(frozen=True)
@@ -62,14 +66,18 @@ class Case:
         """The same for cases whose robot and its motion are the same."""
         names = {"servo_profile", "duration", "control_step", "until"}
         changing = [(each.kind, each) for each in self.scenario.befalling if each.changes_model]
-        files = [content for name, content in self.inputs.items() if name.partition(" ")[0] in {"robot", "reference"}]
+        files = [
+            content
+            for name, content in self.inputs.items()
+            if name.partition(" ")[0] in {"robot", "reference"}
+        ]
         step_s = None if self.circuits.used is None else self.circuits.used.step_s
         scenario = self.scenario.model_dump(mode="json", include=names)
         return fingerprint((scenario, self.scenario.formulas, changing, files, step_s))
 
     @cached_property
     def shared_key(self) -> str:
-        """The same for cases that differ in nothing but what may differ in a batch: their robots can be stepped together."""
+        """The same for cases whose robots can be stepped together."""
         scenario = self.scenario.model_dump(mode="json", exclude={*_NAMES, *_OWN_FORM})
         shared = [(each.kind, each) for each in self.scenario.befalling if not each.per_robot]
         measures = [self.scenario.formulas, [(each.kind, each) for each in self.scenario.measure_kinds]]
@@ -109,7 +117,9 @@ def _as_in_a_file(scenario: Scenario) -> dict[str, Any]:
     """A scenario as data: every key with its value in SI units, and of the kinds only those that it uses."""
     data = scenario.model_dump(mode="json", exclude={*_OWN_FORM, "robot"})
     data["robot"] = scenario.robot if isinstance(scenario.robot, str) else scenario.robot.robot
-    data["reference"] = scenario.model_dump(mode="json", include={"reference"}, exclude_unset=True).get("reference")
+    data["reference"] = scenario.model_dump(mode="json", include={"reference"}, exclude_unset=True).get(
+        "reference"
+    )
     data["disturbances"] = [{each.kind: each.model_dump(mode="json")} for each in scenario.befalling]
     kinds = {each.kind: each.model_dump(mode="json") for each in scenario.measure_kinds}
     data["measures"] = {**scenario.formulas, **kinds}

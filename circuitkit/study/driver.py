@@ -10,15 +10,18 @@ from pathlib import Path
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import OutputError
+from circuitkit.base.progress import progress_bar
 from circuitkit.simulation.disturbances.delay import Delay
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case
 from circuitkit.study.jobs import Job, Outcome, run_job
-from circuitkit.study.pool import Pool, open_pool
-from circuitkit.study.results import Results, row_of
+from circuitkit.study.results import Results
+from circuitkit.study.rows import row_of
 from circuitkit.study.scheduler import CasesByCell, Progress, Task, boundary_of, drive
 from circuitkit.study.spec import Settings, Study, read_study
+from circuitkit.study.store import Store
+from circuitkit.study.workers import Workers, open_workers
 
 
 def load_study(name_or_path: str | Path) -> Study:
@@ -39,12 +42,11 @@ def sweep(
     study: Study,
     folder: str | Path,
     *,
-    workers: int | None = None,
+    workers: int | Workers | None = None,
     resume: bool = False,
     scheduler: str | None = None,
     progress: bool | Progress = True,
     batch: int | None = None,
-    pool: Pool | None = None,
 ) -> Results:
     """Run a study and write its results as they come.
 
@@ -53,13 +55,11 @@ def sweep(
     Args:
         study: The study.
         folder: Takes `results.parquet`, and meanwhile what is done; is made if it is missing.
-        workers: Processes; by default one for each processor.
+        workers: Processes, by default one for each processor; or workers that are there already.
         resume: Go on with what the folder has, and do not run it again.
         scheduler: Address of a Dask scheduler whose workers are used instead.
-        progress: Show a bar on a terminal; or is told how many runs are done, and about how many there will
-            be.
+        progress: Show a bar on a terminal; or gets how many runs are done, and about how many there will be.
         batch: Runs that a worker steps together, at most.
-        pool: Workers that are there already, instead of `workers` and `scheduler`.
 
     Raises:
         InputError: Something of the study does not fit, or the folder has results of another study.
@@ -67,17 +67,19 @@ def sweep(
         OutputError: The results cannot be written.
         KeyboardInterrupt: Ctrl-C came; says what is kept.
     """
-    from circuitkit.study.store import Store
-
     store = Store(Path(folder))
     cases = CasesByCell(study)
     known = store.begin(study, cases.inputs(), resume=resume)
     task = Task(study, cases, known)
-    workplace = nullcontext(pool) if pool is not None else open_pool(workers, scheduler)
+    workplace = nullcontext(workers) if isinstance(workers, Workers) else open_workers(workers, scheduler)
     try:
-        with workplace as used, _shown(progress, study.name) as tell:
+        with workplace as used, _reported(progress, study.name) as report:
             drive(
-                [task], used, batch, tell, lambda _, runs: store.add(study, [row_of(study, r) for r in runs])
+                [task],
+                used,
+                batch,
+                report,
+                lambda _, runs: store.add(study, [row_of(study, r) for r in runs]),
             )
         if task.error is not None:
             raise task.error
@@ -95,21 +97,21 @@ def sweep(
 
 
 def run_studies(
-    studies: Sequence[Study], pool: Pool, *, batch: int | None = None, progress: Progress | None = None
+    studies: Sequence[Study], workers: Workers, *, batch: int | None = None, progress: Progress | None = None
 ) -> list[Results | CircuitkitError]:
     """Run studies side by side, such as the candidates of a search, and write nothing.
 
     Args:
         studies: The studies.
-        pool: The workers.
+        workers: Do the runs.
         batch: Runs that a worker steps together, at most.
-        progress: Is told how many runs are done and about how many there will be.
+        progress: Gets how many runs are done and about how many there will be.
 
     Returns:
         The results of each study, or what keeps one of its cells from being run.
     """
     tasks = [Task(study, CasesByCell(study), {}) for study in studies]
-    drive(tasks, pool, batch, progress)
+    drive(tasks, workers, batch, progress)
     return [task.results() if task.error is None else task.error for task in tasks]
 
 
@@ -117,7 +119,7 @@ def run_cases(
     study: Study,
     cases: Sequence[Settings],
     seeds: Iterable[int],
-    pool: Pool,
+    workers: Workers,
     *,
     batch: int | None = None,
     progress: Progress | None = None,
@@ -128,9 +130,9 @@ def run_cases(
         study: Gives scenario, `set` and `watch`; its axes, seeds and search are left aside.
         cases: For each, fields by path that differ, such as `{"circuit.w": "-0.5 deg"}`.
         seeds: Of every case.
-        pool: The workers.
+        workers: Do the runs.
         batch: Runs that a worker steps together, at most.
-        progress: Is told how many runs are done and how many there are.
+        progress: Gets how many runs are done and how many there are.
 
     Returns:
         In the order of the cases: an outcome for each seed, or what keeps the case from being run.
@@ -138,7 +140,7 @@ def run_cases(
     each = tuple(seeds)
     plain = study.with_({"axes": None, "search": None, "seeds": {"first": 0, "count": 1}})
     tasks = [Task(plain, CasesByCell(plain, settings), {}, each) for settings in cases]
-    drive(tasks, pool, batch, progress)
+    drive(tasks, workers, batch, progress)
     found: list[tuple[Outcome, ...] | CircuitkitError] = []
     for task in tasks:
         by_seed = {run.outcome.seed: run.outcome for run in task.runs}
@@ -147,15 +149,18 @@ def run_cases(
 
 
 @contextmanager
-def _shown(progress: bool | Progress, name: str) -> Iterator[Progress | None]:
-    """Where progress is told."""
-    if callable(progress) or not progress:
-        yield progress or None
+def _reported(progress: bool | Progress, name: str) -> Iterator[Progress | None]:
+    """Who gets how many runs are done: who asked for it, or a bar."""
+    if callable(progress):
+        yield progress
         return
-    from circuitkit.study.progress import progress_of_runs
-
-    with progress_of_runs(name) as tell:
-        yield tell
+    with progress_bar(name, shown=progress) as advance:
+        if advance is None:
+            yield None
+            return
+        yield lambda done, expected: advance(
+            done, max(expected, 1), f"{name}: {done} of about {expected} runs"
+        )
 
 
 @dataclass(frozen=True)
@@ -206,7 +211,7 @@ def _seconds_a_second(case: Case) -> float:
     kept = tuple(each for each in case.scenario.befalling if isinstance(each, Noise | Delay))
     scenario = case.scenario.with_disturbances(kept).model_copy(update={"duration": _TIMED_S})
     short = replace(case, scenario=scenario)
-    job = Job(0, short, tuple(short.spec(seed) for seed in range(_TIMED_ROBOTS)))
+    job = Job(short, tuple(short.spec(seed) for seed in range(_TIMED_ROBOTS)))
     run_job(job)  # what is made once
     began = time.perf_counter()
     run_job(job)

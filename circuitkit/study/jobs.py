@@ -13,12 +13,12 @@ import numpy as np
 import circuitkit
 from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.simulation import Disturbance, Plan, RunSpec
+from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.loop import run_and_watch
-from circuitkit.simulation.measures import Value
 from circuitkit.simulation.plan import Body
 from circuitkit.study.cases import Case
+from circuitkit.study.spec import RMS
 
-RMS = "rms_"  # what the columns of commands begin with
 _KEPT_BODIES = 16  # robots with their motions that a worker keeps
 
 
@@ -66,12 +66,10 @@ class Job:
     """Runs of cases that share everything but what may differ in a batch.
 
     Attributes:
-        number: Tells it from others.
         case: One of the cases.
         specs: The runs.
     """
 
-    number: int
     case: Case
     specs: tuple[RunSpec, ...]
 
@@ -90,12 +88,10 @@ class Done:
     """A job that is done.
 
     Attributes:
-        number: The job's.
         outcomes: One for each run, or what keeps that run's case from being run.
         versions: Where it was done.
     """
 
-    number: int
     outcomes: tuple[Outcome | CircuitkitError, ...]
     versions: Mapping[str, str] = field(default_factory=versions)
 
@@ -108,7 +104,7 @@ def run_job(job: Job) -> Done:
     Raises:
         KeyboardInterrupt: Ctrl-C came; nothing is kept.
     """
-    return Done(job.number, _outcomes(job.case, job.specs))
+    return Done(_outcomes(job.case, job.specs))
 
 
 def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | CircuitkitError, ...]:

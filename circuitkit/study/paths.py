@@ -127,17 +127,28 @@ def _put_disturbance(data: Data, kind: str, change: Change) -> list[Change]:
             made.append(replace(change, path=f"{kind}[{i}]", place=place, at=(LIST, len(items) - 1, kind)))
         return made
     number = change.parts[1] if len(change.parts) > 1 and isinstance(change.parts[1], int) else 0
-    inner = change.parts[2:] if len(change.parts) > 1 and isinstance(change.parts[1], int) else change.parts[1:]
+    inner = (
+        change.parts[2:] if len(change.parts) > 1 and isinstance(change.parts[1], int) else change.parts[1:]
+    )
     if number > len(there):
-        number_there = "no" if not there else str(len(there))
-        allowed = kind if not there else f"{kind}, {kind}[{len(there)}]" if there[1:] else f"{kind}, or {kind}[1]"
-        message = f"there {'is' if len(there) == 1 else 'are'} {number_there} {kind}; allowed: {allowed} for a new one"
+        count = str(len(there)) if there else "no"
+        allowed = (
+            kind if not there else f"{kind}, {kind}[{len(there)}]" if there[1:] else f"{kind}, or {kind}[1]"
+        )
+        verb = "is" if len(there) == 1 else "are"
+        message = f"there {verb} {count} {kind}; allowed: {allowed} for a new one"
         raise PathError(message)
     if number == len(there):
         items.append({kind: {}})
         there.append(len(items) - 1)
     at = (LIST, there[number], kind, *inner)
-    put(data, at, change.value, len(at) - len(inner), place_text(change.parts[: len(change.parts) - len(inner)]))
+    put(
+        data,
+        at,
+        change.value,
+        len(at) - len(inner),
+        place_text(change.parts[: len(change.parts) - len(inner)]),
+    )
     return [replace(change, at=at)]
 
 
@@ -175,7 +186,9 @@ def put(data: Data, parts: Place, value: Any, known: int = 0, words: str = "") -
     around: Any = data
     for depth, part in enumerate(parts):
         before = place_text(parts[known:depth])
-        there = f"{words}{'.' if words and before and before[0] != '[' else ''}{before}" if depth >= known else ""
+        there = (
+            f"{words}{'.' if words and before and before[0] != '[' else ''}{before}" if depth >= known else ""
+        )
         there = there or "the file"
         last = depth == len(parts) - 1
         _require_inside(around, part, there)

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import circuitkit
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.units import parse_quantity
+from circuitkit.study.rows import Row, measures_in
 from circuitkit.study.search import allowed_failures, boundary
-from circuitkit.study.spec import Cell, Label, Study
+from circuitkit.study.spec import RMS, Cell, Label, Study
+from circuitkit.study.table import table_of
 
 if TYPE_CHECKING:
     import pyarrow
-
-    from circuitkit.study.cases import Case
-    from circuitkit.study.jobs import Outcome
-
-Row = Mapping[str, Any]
 
 
 def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -51,14 +46,16 @@ def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tupl
 
 @dataclass(frozen=True)
 class Share:
-    """How many runs of a cell were survived.
+    """In how many runs of a cell a condition held, and the means of all measures.
 
     Attributes:
         labels: Value by axis: a number in SI units, or a text.
         texts: The same as the study has it written.
-        survived: In how many runs the robot stood at the end.
+        survived: In how many runs the condition held: that the robot survived, unless asked for another.
         runs: How many there were.
         interval: Wilson's interval of the share, 95 %.
+        means: Mean of each other measure over the runs that have a value, [SI unit]; of conditions it is the
+            share of the runs in which they held; not a number where no run has a value.
     """
 
     labels: Mapping[str, Label]
@@ -66,26 +63,27 @@ class Share:
     survived: int
     runs: int
     interval: tuple[float, float]
+    means: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def share(self) -> float:
-        """The share that was survived; not a number without runs."""
+        """The share of the runs in which it held; not a number without runs."""
         return self.survived / self.runs if self.runs else math.nan
 
 
 @dataclass(frozen=True)
 class Limit:
-    """The largest value that a cell survived, as it did every smaller one that was tried.
+    """The largest value for which the condition held in a cell, and for every smaller one that was tried.
 
     Attributes:
         labels: Value by axis: a number in SI units, or a text.
         texts: The same as the study has it written.
-        largest: That value, [SI unit]; 0 if not even the smallest was survived.
-        survived: In how many runs at `largest` the robot stood.
+        largest: That value, [SI unit]; 0 if it did not even hold for the smallest.
+        survived: In how many runs at `largest` it held.
         runs: How many there were.
-        interval: Wilson's interval of the share that survives `largest`, 95 %.
-        fails_at: The smallest value that was not survived, [SI unit]; None if all were that were tried.
-        each: The largest value that each seed survived, where that was searched; else nothing.
+        interval: Wilson's interval of the share in which it holds at `largest`, 95 %.
+        fails_at: The smallest value for which it did not hold, [SI unit]; None if it did for all.
+        each: The largest value for which it held with each seed, where that was searched; else nothing.
     """
 
     labels: Mapping[str, Label]
@@ -96,23 +94,6 @@ class Limit:
     interval: tuple[float, float]
     fails_at: float | None
     each: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class Run:
-    """One run of a cell, done.
-
-    Attributes:
-        cell: Number of the cell.
-        index: Number of the searched value on its grid; 0 without search.
-        case: What was run.
-        outcome: What became of it.
-    """
-
-    cell: int
-    index: int
-    case: Case
-    outcome: Outcome
 
 
 @dataclass(frozen=True)
@@ -138,8 +119,6 @@ class Results:
         Raises:
             MissingDependencyError: pyarrow is not installed.
         """
-        from circuitkit.study.store import table_of
-
         return table_of(self.study, self.rows)
 
     def limits(self) -> tuple[Limit, ...]:
@@ -192,7 +171,9 @@ class Results:
         amounts = {i: value for value, i in values.items()}
         ends = []
         for seed in self.study.seeds:
-            mine = {values[row[search.field]]: bool(row[search.condition]) for row in rows if row["seed"] == seed}
+            mine = {
+                values[row[search.field]]: bool(row[search.condition]) for row in rows if row["seed"] == seed
+            }
             ends.append(boundary(mine, search.count))
         each = tuple(amounts[low] if low >= 0 else 0.0 for low, _ in ends)
         held = sum(low >= 0 for low, _ in ends)
@@ -208,11 +189,15 @@ class Results:
             each=each,
         )
 
-    def shares(self, by: Sequence[str] | None = None) -> tuple[Share, ...]:
-        """How many runs of every cell were survived, in the order of the study.
+    def shares(self, by: Sequence[str] | None = None, condition: str = "survived") -> tuple[Share, ...]:
+        """In how many runs of every cell a condition held, and the means of the measures.
 
         Args:
             by: The axes to tell apart; runs that differ in others are counted together. All by default.
+            condition: The measure that is counted.
+
+        Returns:
+            One for each cell, in the order of the study.
 
         Raises:
             UnknownNameError: The study has no such axis.
@@ -226,11 +211,21 @@ class Results:
             groups.setdefault(same, (cell, []))[1].extend(rows)
         found = []
         for cell, group in groups.values():
-            up = sum(row["survived"] for row in group)
+            count = sum(bool(row[condition]) for row in group)
             labels = {axis: cell.labels[axis] for axis in kept}
             texts = {axis: cell.texts[axis] for axis in kept}
-            found.append(Share(labels, texts, up, len(group), wilson_interval(up, len(group))))
+            interval, means = wilson_interval(count, len(group)), self._means(group, condition)
+            found.append(Share(labels, texts, count, len(group), interval, means))
         return tuple(found)
+
+    def _means(self, rows: Sequence[Row], condition: str) -> dict[str, float]:
+        """The means of all measures but the condition; those of commands are left out."""
+        means = {}
+        for name in measures_in(self.study, rows):
+            if name != condition and not name.startswith(RMS):
+                values = [float(row[name]) for row in rows if row.get(name) is not None]
+                means[name] = sum(values) / len(values) if values else math.nan
+        return means
 
     @cached_property
     def _by_cell(self) -> tuple[tuple[Row, ...], ...]:
@@ -240,41 +235,3 @@ class Results:
         for row in self.rows:
             found.setdefault(tuple(row[axis] for axis in axes), []).append(row)
         return tuple(tuple(found.get(tuple(cell.labels.values()), ())) for cell in self.study.cells)
-
-
-def rows_of(study: Study, runs: Iterable[Run]) -> tuple[Row, ...]:
-    """The rows of runs, in the order of the cells, searched values and seeds."""
-    ordered = sorted(runs, key=lambda run: (run.cell, run.index, run.outcome.seed))
-    return tuple(row_of(study, run) for run in ordered)
-
-
-def row_of(study: Study, run: Run) -> dict[str, Any]:
-    """The row of a run."""
-    seed, search = run.outcome.seed, study.search
-    row: dict[str, Any] = dict(study.cells[run.cell].labels)
-    if search is not None:
-        row[search.field] = parse_quantity(search.value(run.index)).value_si
-    return (
-        row
-        | run.outcome.row()
-        | {
-            "scenario": run.case.description(seed),
-            "version": circuitkit.__version__,
-            "key": run.case.run_key(seed),
-        }
-    )
-
-
-def read_results(folder: str | Path) -> Results:
-    """Read what a sweep has written, also while it is under way or after it was stopped.
-
-    Args:
-        folder: The folder of the sweep.
-
-    Raises:
-        InputError: There are no results there.
-        MissingDependencyError: pyarrow is not installed.
-    """
-    from circuitkit.study.store import Store
-
-    return Store(Path(folder)).results()

@@ -1,4 +1,4 @@
-"""The scheduler of a study under way: cells ask for runs, those that fit together go to the workers in batches.
+"""The scheduler of studies: cells ask for runs, and those that fit together go to the workers in batches.
 
 Which worker does what, and how many runs go into a batch, changes nothing in what comes out: a cell asks by
 what its own runs have shown, and a run's outcome is its own.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -15,10 +16,11 @@ from circuitkit.base.errors import CircuitkitError
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case
 from circuitkit.study.jobs import Done, Job, Outcome
-from circuitkit.study.pool import Pool, PoolError
-from circuitkit.study.results import Results, Run, rows_of
+from circuitkit.study.results import Results
+from circuitkit.study.rows import Run, rows_of
 from circuitkit.study.search import Boundary, EachBoundary, Request, Strategy, grid_runs
 from circuitkit.study.spec import Settings, Study
+from circuitkit.study.workers import Workers
 
 BATCH = 32  # runs in a batch, at most
 _LEAST = 4  # a batch is not cut smaller to keep a worker busy
@@ -30,6 +32,12 @@ class CasesByCell:
     """The cases of a study by cell and number of the searched value; each is made when it is asked for."""
 
     def __init__(self, study: Study, settings: Settings | None = None) -> None:
+        """Take a study.
+
+        Args:
+            study: The study.
+            settings: Fields that take the place of those of the cells.
+        """
         self._study = study
         self._builder = CaseBuilder(study)
         self._settings = settings
@@ -84,16 +92,13 @@ class Task:
 
     def strategy(self) -> Strategy:
         """What decides for a cell."""
-        boundary = self._boundary()
+        boundary = boundary_of(self.study)
         return boundary.runs() if boundary else grid_runs(self.seeds or self.study.seeds)
 
     def about(self) -> float:
         """How many runs a cell takes, about."""
-        boundary = self._boundary()
+        boundary = boundary_of(self.study)
         return boundary.about() if boundary else len(self.seeds or self.study.seeds)
-
-    def _boundary(self) -> Boundary | EachBoundary | None:
-        return boundary_of(self.study)
 
     def results(self) -> Results:
         """What was found."""
@@ -110,31 +115,9 @@ def boundary_of(study: Study) -> Boundary | EachBoundary | None:
     return Boundary(search.count, study.seeds, search.survive, search.check_below)
 
 
-@dataclass(eq=False)
-class _Cell:
-    """A cell under way: what it has asked for, and what has come of it."""
-
-    task: Task
-    number: int
-    strategy: Strategy
-    wanted: list[Request] = field(default_factory=list)
-    come: dict[Request, bool] = field(default_factory=dict)
-    done: int = 0
-    over: bool = False
-
-
-@dataclass(eq=False)
-class _Open:
-    """A run that is wanted by one or more cells."""
-
-    case: Case
-    seed: int
-    asked_by: list[tuple[_Cell, Request]]
-
-
 def drive(
     tasks: Sequence[Task],
-    pool: Pool,
+    workers: Workers,
     batch: int | None,
     progress: Progress | None = None,
     keep: Callable[[Task, list[Run]], object] | None = None,
@@ -143,68 +126,106 @@ def drive(
 
     Args:
         tasks: They get their runs, or an error.
-        pool: The workers.
+        workers: Do the runs.
         batch: Runs in a batch, at most.
-        progress: Is told how many runs are done and about how many there will be.
+        progress: Gets how many runs are done and about how many there will be.
         keep: Is given a task's new runs, a batch at a time.
 
     Raises:
-        CircuitkitError: `batch` is less than 1; a worker has ended, or is at work for a call that was broken
-            off.
+        CircuitkitError: `batch` is less than 1, or a worker has ended.
     """
     if batch is not None and batch < 1:
         message = f"found a batch of {batch}; allowed: 1 or more"
         raise CircuitkitError(message)
-    if pool.under_way:
-        message = (
-            f"the workers still have {pool.under_way} jobs of a call that was broken off; open a new pool"
-        )
-        raise PoolError(message)
     scheduler = _Scheduler(tasks)
-    flying: dict[int, list[_Open]] = {}
-    number = 0
-    while True:
-        while len(flying) < pool.slots and (chosen := scheduler.take(batch or BATCH, pool.slots - len(flying))):
-            number += 1
-            flying[number] = chosen
-            pool.submit(_job(number, chosen))
-        if progress is not None:
-            progress(scheduler.done, scheduler.expected())
-        if not flying:
-            return
-        done = pool.next()
-        for task, runs in scheduler.settle(flying.pop(done.number), done).items():
-            if keep is not None:
-                keep(task, runs)
+    under_way: dict[Future[Done], list[_Pending]] = {}
+    try:
+        while True:
+            if progress is not None:
+                progress(scheduler.done, scheduler.expected())
+            while (free := workers.slots() - len(under_way)) > 0 and (
+                chosen := scheduler.take(batch or BATCH, free)
+            ):
+                under_way[workers.submit(_job(chosen))] = chosen
+            if not under_way:
+                return
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                done = workers.outcome(future)
+                for task, runs in scheduler.settle(under_way.pop(future), done).items():
+                    if keep is not None:
+                        keep(task, runs)
+    finally:
+        for future in under_way:
+            future.cancel()
 
 
-def _job(number: int, chosen: Sequence[_Open]) -> Job:
-    return Job(number, chosen[0].case, tuple(each.case.spec(each.seed) for each in chosen))
+@dataclass(eq=False)
+class _Cell:
+    """A cell under way.
+
+    Attributes:
+        task: Whose cell it is.
+        number: Which one.
+        strategy: Decides which runs it asks for.
+        requests: What it waits for.
+        answers: Whether the condition held, for those of the requests that are done.
+        done: How many of its runs are done.
+        over: Whether it asks for nothing more.
+    """
+
+    task: Task
+    number: int
+    strategy: Strategy
+    requests: list[Request] = field(default_factory=list)
+    answers: dict[Request, bool] = field(default_factory=dict)
+    done: int = 0
+    over: bool = False
+
+
+@dataclass(eq=False)
+class _Pending:
+    """A run that one or more cells ask for, and that is not done yet."""
+
+    case: Case
+    seed: int
+    asked_by: list[tuple[_Cell, Request]]
+
+
+def _job(chosen: Sequence[_Pending]) -> Job:
+    return Job(chosen[0].case, tuple(each.case.spec(each.seed) for each in chosen))
 
 
 class _Scheduler:
-    """What is wanted and not yet under way, by what can be stepped together."""
+    """What is asked for and not yet under way, by what can be stepped together.
+
+    Attributes:
+        done: How many runs are done.
+    """
 
     def __init__(self, tasks: Sequence[Task]) -> None:
-        self._open: dict[str, _Open] = {}
-        self._waiting: dict[str, deque[str]] = {}
+        self._pending: dict[str, _Pending] = {}  # by the run's key; also those that are under way
+        self._waiting: dict[str, deque[str]] = {}  # keys of runs, by what they share
         self._outcomes = {key: outcome for task in tasks for key, outcome in task.known.items()}
         self.done = 0
-        self._cells = [_Cell(task, i, task.strategy()) for task in tasks for i in range(len(task.study.cells))]
+        self._cells = [
+            _Cell(task, i, task.strategy()) for task in tasks for i in range(len(task.study.cells))
+        ]
         for cell in self._cells:
             self._ask(cell, None)
 
     def expected(self) -> int:
         """About how many runs there will be."""
         left = (
-            max(cell.task.about() - cell.done, len(cell.wanted) - len(cell.come))
+            max(cell.task.about() - cell.done, len(cell.requests) - len(cell.answers))
             for cell in self._cells
             if not cell.over
         )
         return self.done + round(sum(left))
 
-    def take(self, most: int, free: int) -> list[_Open]:
+    def take(self, most: int, free: int) -> list[_Pending]:
         """Runs for a worker: of those that wait for the same plan, the most; nothing if none wait.
+
+        Runs of one seed go together as far as they can, since what they have in common is simulated once.
 
         Args:
             most: How many at most.
@@ -213,91 +234,95 @@ class _Scheduler:
         if not self._waiting:
             return []
         total = sum(len(each) for each in self._waiting.values())
-        key = max(self._waiting, key=lambda name: len(self._waiting[name]))
-        queue = self._waiting[key]
+        shared = max(self._waiting, key=lambda name: len(self._waiting[name]))
+        queue = self._waiting[shared]
         size = min(len(queue), most, max(-(-total // free), _LEAST))
-        keys = [queue.popleft() for _ in range(size)]
-        if not queue:
-            del self._waiting[key]
-        return [self._open[key] for key in keys]
+        keys = sorted(queue, key=lambda key: self._pending[key].seed)[:size]
+        self._keep(shared, set(queue) - set(keys))
+        return [self._pending[key] for key in keys]
 
-    def settle(self, chosen: Sequence[_Open], done: Done) -> dict[Task, list[Run]]:
+    def settle(self, chosen: Sequence[_Pending], done: Done) -> dict[Task, list[Run]]:
         """Give outcomes to the cells that wait for them, which may then ask for more; the tasks' new runs."""
         new: dict[Task, list[Run]] = {}
         ready: dict[_Cell, None] = {}
-        for run, outcome in zip(chosen, done.outcomes, strict=True):
-            key = run.case.run_key(run.seed)
-            del self._open[key]
-            for cell, wanted in run.asked_by:
+        for pending, outcome in zip(chosen, done.outcomes, strict=True):
+            key = pending.case.run_key(pending.seed)
+            del self._pending[key]
+            for cell, request in pending.asked_by:
                 if isinstance(outcome, CircuitkitError):
                     self._give_up(cell.task, outcome)
                     continue
                 self._outcomes[key] = outcome
-                new.setdefault(cell.task, []).append(self._note(cell, wanted, run.case, outcome))
+                new.setdefault(cell.task, []).append(self._answer(cell, request, pending.case, outcome))
                 ready[cell] = None
         for cell in ready:
-            self._go_on(cell)
+            if len(cell.answers) == len(cell.requests) and not cell.over:
+                self._ask(cell, cell.answers)
         return new
+
+    def _keep(self, shared: str, keys: set[str]) -> None:
+        """Let only these of the runs that share something go on waiting."""
+        left = deque(key for key in self._waiting[shared] if key in keys)
+        if left:
+            self._waiting[shared] = left
+        else:
+            del self._waiting[shared]
 
     def _give_up(self, task: Task, error: CircuitkitError) -> None:
         """Ask for nothing more for a task, and drop what only it waits for."""
         task.error = task.error or error
         for cell in self._cells:
             cell.over = cell.over or cell.task is task
-        for name, queue in list(self._waiting.items()):
-            left = deque(key for key in queue if not self._is_given_up(key))
-            for key in queue:
-                if self._is_given_up(key):
-                    del self._open[key]
-            if left:
-                self._waiting[name] = left
-            else:
-                del self._waiting[name]
+        for shared, queue in list(self._waiting.items()):
+            dropped = {key for key in queue if self._is_given_up(key)}
+            for key in dropped:
+                del self._pending[key]
+            self._keep(shared, set(queue) - dropped)
 
     def _is_given_up(self, key: str) -> bool:
-        return all(cell.task.error is not None for cell, _ in self._open[key].asked_by)
+        return all(cell.task.error is not None for cell, _ in self._pending[key].asked_by)
 
-    def _note(self, cell: _Cell, wanted: Request, case: Case, outcome: Outcome) -> Run:
-        """Tell a cell the outcome of one of its runs."""
+    def _answer(self, cell: _Cell, request: Request, case: Case, outcome: Outcome) -> Run:
+        """Give a cell the outcome of one of its runs."""
         search, held = cell.task.study.search, False
         try:
             held = search is None or outcome.holds(search.condition)
         except CircuitkitError as error:  # there is no such measure, or it is a number
             self._give_up(cell.task, error)
-        run = Run(cell.number, wanted[0], case, outcome)
+        run = Run(cell.number, request[0], case, outcome)
         cell.task.runs.append(run)
-        cell.come[wanted] = held
+        cell.answers[request] = held
         cell.done += 1
         self.done += 1
         return run
 
-    def _go_on(self, cell: _Cell) -> None:
-        if len(cell.come) == len(cell.wanted) and not cell.over:
-            self._ask(cell, cell.come)
-
-    def _ask(self, cell: _Cell, held: Mapping[Request, bool] | None) -> None:
+    def _ask(self, cell: _Cell, answers: Mapping[Request, bool] | None) -> None:
         """Let a cell ask for runs, as long as all that it asks for is known already."""
         while not cell.over:
             try:
-                wanted = next(cell.strategy) if held is None else cell.strategy.send(held)
-                cases = [cell.task.cases(cell.number, index) for index, _ in wanted]
+                requests = next(cell.strategy) if answers is None else cell.strategy.send(answers)
+                cases = [cell.task.cases(cell.number, index) for index, _ in requests]
             except StopIteration:
                 cell.over = True
                 return
             except CircuitkitError as error:
                 self._give_up(cell.task, error)
                 return
-            cell.wanted, cell.come = wanted, {}
-            known = self._outcomes
-            for each, case in zip(wanted, cases, strict=True):
-                key = case.run_key(each[1])
-                if key in known:
-                    self._note(cell, each, case, known[key])
-                elif key in self._open:
-                    self._open[key].asked_by.append((cell, each))
-                else:
-                    self._open[key] = _Open(case, each[1], [(cell, each)])
-                    self._waiting.setdefault(case.shared_key, deque()).append(key)
-            if len(cell.come) < len(wanted):
+            cell.requests, cell.answers = requests, {}
+            for request, case in zip(requests, cases, strict=True):
+                self._request(cell, request, case)
+            if len(cell.answers) < len(requests):
                 return
-            held = cell.come
+            answers = cell.answers
+
+    def _request(self, cell: _Cell, request: Request, case: Case) -> None:
+        """Answer a request by a known outcome, or have it wait for its run."""
+        seed = request[1]
+        key = case.run_key(seed)
+        if key in self._outcomes:
+            self._answer(cell, request, case, self._outcomes[key])
+        elif key in self._pending:
+            self._pending[key].asked_by.append((cell, request))
+        else:
+            self._pending[key] = _Pending(case, seed, [(cell, request)])
+            self._waiting.setdefault(case.shared_key, deque()).append(key)

@@ -1,7 +1,8 @@
 """What is run next: a plain grid, or bisection for a boundary; one decides for each cell by itself.
 
-Each is a generator: it yields the runs that it wants, gets for which of them the condition held, and ends when it
-knows enough. What it wants depends on nothing else, so the same runs are made whatever the workers do first.
+Each is a generator: it yields the runs that it wants, gets for which of them the condition held, and ends
+when it knows enough. What it wants depends on nothing else, so the same runs are made whatever the workers
+do first.
 """
 
 from __future__ import annotations

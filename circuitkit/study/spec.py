@@ -355,6 +355,7 @@ def _study(document: Document) -> Study:
 
 # Columns that every table of results has.
 RESERVED = ("seed", "scenario", "version", "key")
+RMS = "rms_"  # what the columns of commands begin with
 
 
 def _values(name: str, axis: Sequence[Any] | Mapping[str, Settings]) -> list[AxisValue]:

@@ -9,85 +9,25 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, Problem
+from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import replacing, write_text
-from circuitkit.base.units import parse_quantity
-from circuitkit.study.jobs import RMS, Outcome, versions
-from circuitkit.study.results import Results, Row
-from circuitkit.study.spec import RESERVED, Study, make_study
+from circuitkit.study.jobs import Outcome, versions
+from circuitkit.study.results import Results
+from circuitkit.study.rows import Row, measures_in
+from circuitkit.study.spec import RMS, Study, make_study
+from circuitkit.study.table import arrow, table_of
 
 if TYPE_CHECKING:
-    import pyarrow
+    pass
 
 _FORMAT = 1
 _UNSEEN = ("description",)  # keys of a study that determine no run
 _SHOWN_DIFFERENCES = 6
-
-
-def arrow() -> Any:  # noqa: ANN401 - a module that ships no types
-    """The module pyarrow.
-
-    Raises:
-        MissingDependencyError: It is not installed.
-    """
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        package, extra = "pyarrow", "study"
-        raise MissingDependencyError(package, extra, "writing the results of a sweep") from error
-    return pyarrow
-
-
-def table_of(study: Study, rows: Sequence[Row]) -> pyarrow.Table:
-    """Rows as an Arrow table with the same columns whatever their order.
-
-    Raises:
-        MissingDependencyError: pyarrow is not installed.
-    """
-    pa = arrow()
-    fields = [_labelled(pa, study, axis) for axis in study.axes]
-    if study.search is not None:
-        fields.append(_with_unit(pa.field(study.search.field, pa.float64()), study.search.step))
-    fields.append(pa.field("seed", pa.int64()))
-    fields += [pa.field(name, _type_of(pa, name, rows)) for name in _value_columns(study, rows)]
-    fields += [pa.field(name, pa.string()) for name in ("scenario", "version", "key")]
-    columns = [pa.array([row.get(field.name) for row in rows], type=field.type) for field in fields]
-    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
-
-
-def _value_columns(study: Study, rows: Iterable[Row]) -> list[str]:
-    """The columns of measures in the scenario's order, and of commands in alphabetical order."""
-    names = dict.fromkeys(name for row in rows for name in row if name not in _other_columns(study))
-    return [*(n for n in names if not n.startswith(RMS)), *sorted(n for n in names if n.startswith(RMS))]
-
-
-def _other_columns(study: Study) -> set[str]:
-    searched = () if study.search is None else (study.search.field,)
-    return {*study.axes, *searched, *RESERVED}
-
-
-def _type_of(pa: Any, name: str, rows: Iterable[Row]) -> Any:  # noqa: ANN401 - a module that ships no types
-    """Truth values, or numbers."""
-    return pa.bool_() if any(isinstance(row.get(name), bool) for row in rows) else pa.float64()
-
-
-def _labelled(pa: Any, study: Study, axis: str) -> Any:  # noqa: ANN401 - a module that ships no types
-    values = study.axes[axis]
-    if all(isinstance(value.label, bool) for value in values):
-        return pa.field(axis, pa.bool_())
-    if all(isinstance(value.label, float) for value in values):
-        return _with_unit(pa.field(axis, pa.float64()), values[0].text)
-    return pa.field(axis, pa.string())
-
-
-def _with_unit(field: Any, text: str) -> Any:  # noqa: ANN401 - as above
-    return field.with_metadata({"unit": parse_quantity(text).dimension.si_symbol})
 
 
 def manifest_of(study: Study, inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -255,8 +195,20 @@ class Store:
 
 
 def _outcome(study: Study, row: Row) -> Outcome:
-    other = _other_columns(study)
-    return Outcome(int(row["seed"]), {name: value for name, value in row.items() if name not in other})
+    return Outcome(int(row["seed"]), {name: row[name] for name in measures_in(study, [row])})
+
+
+def read_results(folder: str | Path) -> Results:
+    """Read what a sweep has written, also while it is under way or after it was stopped.
+
+    Args:
+        folder: The folder of the sweep.
+
+    Raises:
+        InputError: There are no results there.
+        MissingDependencyError: pyarrow is not installed.
+    """
+    return Store(Path(folder)).results()
 
 
 def _differences(old: Any, new: Any, where: str = "") -> Iterator[str]:  # noqa: ANN401 - JSON data

@@ -50,15 +50,17 @@ def rename_everything(mjcf: ET.ElementTree) -> dict[str, str]:
 def renamed_robot(folder: Path) -> Path:
     """The NAO under other names: an MJCF without any of the old ones, and the robot file for it."""
     mjcf, robot = shipped_mjcf(), shipped_file()
+    joints = [joint.attrib["name"] for joint in mjcf.getroot().find("worldbody").iter("joint")]
     new = rename_everything(mjcf)
-    robot["torso"], robot["imu"] = new[robot["torso"]], new[robot["imu"]]
-    for foot in robot["feet"].values():
+    biped = robot["biped"]
+    biped["torso"], biped["imu"] = new[biped["torso"]], new[biped["imu"]]
+    for foot in biped["feet"].values():
         foot["body"] = new[foot["body"]]
-    robot["joints"] = {role: new[name] for role, name in robot["joints"].items()}
-    robot["posture"] = {new[name]: angle for name, angle in robot["posture"].items()}
-    for profile in robot["servo_profiles"].values():
+    biped["joints"] = {role: new[name] for role, name in biped["joints"].items()}
+    robot["hold"] = {new[name]: angle for name, angle in robot["hold"].items()}
+    for profile in robot["servos"].values():
         for servo in profile:
             servo["joints"] = [
-                new[name] for name in new for pattern in servo["joints"] if Path(name).match(pattern)
+                new[name] for name in joints for pattern in servo["joints"] if Path(name).match(pattern)
             ]
     return write_robot(folder, robot, mjcf)

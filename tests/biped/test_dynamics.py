@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import null_space
-from walking import bare_nao, nao
+from walking import bare_nao, nao_body
 
-from circuitkit.biped.gait import load_gait, plan_walk
 from circuitkit.biped.dynamics import BodyDynamics, generalised_positions, joint_targets
+from circuitkit.biped.gait import load_gait, plan_walk
 
 DT = 0.01
 
@@ -19,7 +19,7 @@ DT = 0.01
 @pytest.fixture(scope="module", params=["gait_march", "gait_walk_4cm"])
 def walk(request):
     """Three steps, as for a point mass: the whole body's ZMP is then another one."""
-    return plan_walk(load_gait(request.param), nao().spec.legs.geometry(), 270)[0]
+    return plan_walk(load_gait(request.param), nao_body().block.legs.geometry(), 270)[0]
 
 
 def momentum_balance(positions):
@@ -53,7 +53,7 @@ def momentum_balance(positions):
 
 
 def test_the_zmp_is_that_of_the_momentum_balance(walk):
-    robot = nao()
+    robot = nao_body()
     expected = momentum_balance(generalised_positions(robot, walk))
     found = BodyDynamics(robot).zmp(walk)[1:-2]
     difference = np.abs(found - expected)
@@ -62,7 +62,7 @@ def test_the_zmp_is_that_of_the_momentum_balance(walk):
 
 
 def test_at_rest_the_zmp_is_under_the_centre_of_mass(walk):
-    robot = nao()
+    robot = nao_body()
     model, data = bare_nao(), mujoco.MjData(bare_nao())
     data.qpos[:] = generalised_positions(robot, walk)[5]
     mujoco.mj_forward(model, data)
@@ -72,7 +72,7 @@ def test_at_rest_the_zmp_is_under_the_centre_of_mass(walk):
 
 def generalised_forces(walk):
     """M q'' + bias - passive along the walk, by MuJoCo's forward quantities; and the foot Jacobians."""
-    robot = nao()
+    robot = nao_body()
     positions = generalised_positions(robot, walk)
     model, data = bare_nao(), mujoco.MjData(bare_nao())
     rates = np.zeros((walk.ticks, model.nv))
@@ -96,7 +96,7 @@ def generalised_forces(walk):
 
 def test_torques_do_the_virtual_work_of_the_motion(walk):
     """In any small motion that leaves the feet on the ground, its forces do no work: the servos do it all."""
-    robot = nao()
+    robot = nao_body()
     torques = BodyDynamics(robot).torques(walk)
     checked = 0
     for t, force, jacobians in generalised_forces(walk):
@@ -110,8 +110,8 @@ def test_torques_do_the_virtual_work_of_the_motion(walk):
 
 
 def test_the_support_leg_carries_and_the_swing_leg_only_itself(walk):
-    robot = nao()
-    torques = np.abs(BodyDynamics(robot).torques(walk))[:, robot.leg_index]
+    robot = nao_body()
+    torques = np.abs(BodyDynamics(robot).torques(walk))[:, robot.leg_servo]
     for step in (0, 1):
         single = (walk.schedule.step == step) & (walk.schedule.single_support > 0)
         left, right = torques[single, :5].sum(), torques[single, 5:].sum()
@@ -120,11 +120,11 @@ def test_the_support_leg_carries_and_the_swing_leg_only_itself(walk):
 
 
 def test_positions_and_targets_are_the_walk_in_the_robots_order(walk):
-    robot = nao()
+    robot = nao_body()
     positions, targets = generalised_positions(robot, walk), joint_targets(robot, walk)
     np.testing.assert_array_equal(targets, positions[:, robot.qpos_index])
-    np.testing.assert_array_equal(targets[:, robot.leg_index], walk.joints_rad)
+    np.testing.assert_array_equal(targets[:, robot.leg_servo], walk.joints_rad)
     np.testing.assert_allclose(positions[:, 2] - walk.pelvis_m[:, 2], 0.085)
     np.testing.assert_array_equal(positions[:, 3:7], [[1, 0, 0, 0]] * walk.ticks)
-    arms = robot.actuated.index("LShoulderPitch")
+    arms = list(robot.servos).index(robot.model.actuator("LShoulderPitch").id)
     np.testing.assert_allclose(targets[:, arms], np.pi / 2)

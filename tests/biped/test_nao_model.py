@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib import resources
 from pathlib import Path
 
 import mujoco
@@ -11,8 +10,10 @@ import numpy as np
 import pytest
 import yaml
 
+from circuitkit.robots import load_robot
+
 DATA = yaml.safe_load((Path(__file__).parent / "nao_v4_data.yaml").read_text(encoding="utf-8"))
-MODEL_FILE = resources.files("circuitkit") / "robots" / "nao" / "nao.xml"
+MODEL_FILE = load_robot("nao").mjcf_path
 LOOKS_GROUP, SOLE_GROUP = 2, 3
 ARMATURE, DAMPING = 0.01, 0.1
 MIRROR = np.diag([1.0, -1.0, 1.0])  # left and right, for points
@@ -138,9 +139,9 @@ def test_hip_yaw_pitch_joints_are_one_motor(model):
         np.testing.assert_allclose(np.abs(residual), [difference], atol=1e-12)
 
 
-def test_actuators_sensors_and_floor_are_left_to_the_adapter(model):
+def test_servos_and_sensors_are_left_to_the_robot_file(model):
     assert (model.nu, model.nsensor, model.nkey) == (0, 0, 0)
-    assert model.body("world").geomnum[0] == 0
+    assert model.body("world").geomnum[0] == 1
     assert model.site("imu").bodyid[0] == model.body("torso").id
 
 
@@ -200,9 +201,8 @@ def test_leg_swing_has_the_energy_of_the_parallel_axis_theorem(model):
 
 
 def standing_on_floor():
-    """A model with a floor and stiff servos, standing 5 mm above it with bent knees."""
+    """A model with stiff servos, standing 5 mm above its floor with bent knees."""
     spec = new_spec()
-    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 0.1])
     for name in DATA["joints"]:
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=300.0, kv=3.0)
@@ -334,10 +334,10 @@ def test_looks_are_mirrored(model, name):
 
 def test_only_the_soles_touch(model):
     touching = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
-    assert {model.geom(i).name for i in touching} == {"l_sole", "r_sole"}
+    assert {model.geom(i).name for i in touching} == {"floor", "l_sole", "r_sole"}
     soles = [model.geom(name).id for name in ("l_sole", "r_sole")]
     assert set(model.geom_group[soles]) == {SOLE_GROUP}
-    assert set(np.delete(model.geom_group, soles)) == {LOOKS_GROUP}
+    assert set(np.delete(model.geom_group, [*soles, model.geom("floor").id])) == {LOOKS_GROUP}
 
 
 def test_looks_weigh_nothing():
@@ -376,7 +376,6 @@ def test_physics_is_the_same_without_the_looks():
     plain.compiler.discardvisual = True
     states = []
     for spec in (new_spec(), plain):
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 0.1])
         model = spec.compile()
         data = mujoco.MjData(model)
         data.qvel[:] = np.random.default_rng(1).normal(size=model.nv)

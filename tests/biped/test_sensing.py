@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from walking import NAO_LEG_JOINTS, nao
+from walking import NAO_LEG_JOINTS, nao, nao_body
 
 from circuitkit.base.errors import UnknownNameError, listing
 from circuitkit.biped.gait import LEG_JOINTS
-from circuitkit.robots import robot_channels
-from circuitkit.biped.sensing import Observer, centre_of_pressure, total_centre_of_pressure
+from circuitkit.biped.sensing import centre_of_pressure, total_centre_of_pressure
+from circuitkit.robots import Observer
 
-LAYOUT = nao().layout
-CHANNELS = robot_channels(nao())
+LAYOUT = nao_body().layout
+CHANNELS = nao().channels
 CELLS = {  # Aldebaran, from the ankle, in metres; the ankles stand at y = 0.05 and -0.05
     "LFsrFL": (0.07025, 0.0299),
     "LFsrFR": (0.07025, -0.0231),
@@ -31,7 +31,7 @@ loads = st.lists(st.floats(0.5, 25), min_size=8, max_size=8)
 
 def readings(cells=None, batch=1, **parts):
     """Sensor readings with the given cells and parts; the rest is random."""
-    values = np.random.default_rng(3).normal(size=(batch, LAYOUT.width))
+    values = np.random.default_rng(3).normal(size=(batch, LAYOUT.total))
     if cells is not None:
         values[:, LAYOUT.forces] = cells
     for name, value in parts.items():
@@ -40,7 +40,7 @@ def readings(cells=None, batch=1, **parts):
 
 
 def observe(values, *names):
-    return Observer(LAYOUT, CHANNELS, names)(values)
+    return Observer(CHANNELS, names)(values)
 
 
 def test_the_layout_is_the_order_of_the_models_sensors():
@@ -59,11 +59,11 @@ def test_the_layout_is_the_order_of_the_models_sensors():
     }
     places |= {name: slice(i, i + 1) for i, name in enumerate(CELLS)}
     angles = LAYOUT.leg_joints.start
-    places |= {f"{name}_angle": slice(angles + i, angles + i + 1) for i, name in enumerate(NAO_LEG_JOINTS)}
+    places |= {f"{role}_angle": slice(angles + i, angles + i + 1) for i, role in enumerate(LEG_JOINTS)}
     assert model.nsensor == len(places)
-    assert model.nsensordata == LAYOUT.width
+    assert model.nsensordata == LAYOUT.total
     for name, place in places.items():
-        sensor = model.sensor(name)
+        sensor = model.sensor(f"biped {name}")
         assert (place.start, place.stop) == (sensor.adr[0], sensor.adr[0] + sensor.dim[0])
     assert LAYOUT.cells == tuple(CELLS)
 
@@ -130,7 +130,7 @@ def test_the_com_is_seen_from_the_middle_between_the_ankles_wherever_they_are():
 
 
 def test_the_legs_joints_are_as_the_simulation_has_them():
-    robot, data = nao(), mujoco.MjData(nao().model)
+    robot, data = nao_body(), mujoco.MjData(nao().model)
     data.qpos[robot.qpos_index] = np.linspace(-0.3, 0.3, len(robot.qpos_index))
     mujoco.mj_forward(robot.model, data)
     expected = [data.joint(name).qpos[0] for name in NAO_LEG_JOINTS]
@@ -139,23 +139,23 @@ def test_the_legs_joints_are_as_the_simulation_has_them():
 
 
 def test_channels_are_those_of_the_robot_in_the_order_asked_for():
-    observer = Observer(LAYOUT, CHANNELS, ["load", "zmp_y"])
+    observer = Observer(CHANNELS, ["load", "zmp_y"])
     assert observer.names == ("load", "zmp_y")
-    assert [unit.symbol for unit in observer.units] == ["N", "m"]
-    assert Observer(LAYOUT, CHANNELS, [])(readings(batch=2)).shape == (2, 0)
+    assert [CHANNELS[name].unit.symbol for name in observer.names] == ["N", "m"]
+    assert Observer(CHANNELS, [])(readings(batch=2)).shape == (2, 0)
 
 
 def test_an_unknown_channel():
     with pytest.raises(UnknownNameError) as caught:
-        Observer(LAYOUT, CHANNELS, ["zmp"])
+        Observer(CHANNELS, ["zmp"])
     assert str(caught.value) == (
-        f"unknown sensor channel 'zmp'; allowed: {listing(CHANNELS)}; did you mean 'zmp_x'?"
+        f"unknown channel 'zmp'; allowed: {listing(CHANNELS)}; did you mean 'zmp_x'?"
     )
 
 
 @pytest.mark.parametrize("names", [("zmp_y", "force_difference"), tuple(CHANNELS)])
 def test_a_robot_reads_the_same_alone_and_in_a_batch(names):
-    values = np.random.default_rng(5).uniform(0, 25, (7, LAYOUT.width))
+    values = np.random.default_rng(5).uniform(0, 25, (7, LAYOUT.total))
     together = observe(values, *names)
     for i in range(7):
         np.testing.assert_array_equal(observe(values[i : i + 1], *names)[0], together[i])
@@ -165,8 +165,8 @@ def test_a_missing_cell_is_missed_by_the_channels_that_need_it_and_by_no_other()
     values = readings(np.full(8, 5.0), batch=3)
     whole = observe(values, *CHANNELS)
     values[1, 2] = np.nan
-    found = Observer(LAYOUT, CHANNELS, tuple(CHANNELS)).where_some_are_missing(values)
-    need = [name in {"zmp_x", "zmp_y", "force_difference", "load"} for name in CHANNELS]
+    found = Observer(CHANNELS, tuple(CHANNELS)).where_some_are_missing(values)
+    need = [name in {"zmp_x", "zmp_y", "force_difference", "load", LAYOUT.cells[2]} for name in CHANNELS]
     np.testing.assert_array_equal(np.isnan(found[1]), need)
     np.testing.assert_array_equal(found[1, ~np.array(need)], whole[1, ~np.array(need)])
     np.testing.assert_array_equal(found[[0, 2]], whole[[0, 2]])
@@ -236,10 +236,10 @@ def test_the_wrench_of_a_foot_is_the_sum_of_its_contacts():
 
     Contacts lie a little below the ground, so that their sideways force has a small lever.
     """
-    robot = nao()
+    robot = nao_body()
     model, data = robot.model, mujoco.MjData(robot.model)
-    data.ctrl[:] = robot.posture
-    data.qpos[robot.qpos_index] = robot.posture
+    data.ctrl[:] = robot.held
+    data.qpos[:] = robot.start_qpos
     data.qpos[3:7] = [1.0, 0.004, 0.01, 0.0]
     mujoco.mj_step(model, data, nstep=60)
     mujoco.mj_forward(model, data)

@@ -14,7 +14,7 @@ from circuitkit.circuit import check, load_circuit
 from circuitkit.control import CircuitController, Interface, PlannedChannel
 from circuitkit.engine import compile_circuit, run
 from circuitkit.robots import build_model, load_robot
-from circuitkit.study import load_study, open_pool, run_cases
+from circuitkit.study import load_study, open_workers, run_cases
 
 FALL_TIME_S = 0.166
 SHIPPED = ("binn_sagittal_capture", "binn_sagittal_tuned", "binn_planar_tuned", "binn_omnidirectional_tuned")
@@ -166,8 +166,8 @@ def test_pushed_forward_and_backward_the_circuits_hold_what_fells_the_open_loop(
         for contender in contenders
         for direction in ("forward", "backward")
     ]
-    with open_pool(1) as pool:
-        runs = run_cases(study, points, [0], pool)
+    with open_workers(1) as workers:
+        runs = run_cases(study, points, [0], workers)
     survived = np.array([[run.survived for run in each] for each in runs]).reshape(4, 2)
     assert not survived[0].any()
     assert survived[1:].all()

@@ -104,6 +104,12 @@ def test_mistakes(circuitkit, words, message):
     assert outcome.err.startswith(message)
 
 
+def test_a_robot_that_is_no_biped_is_refused(circuitkit):
+    outcome = circuitkit(*PUSH, "--robot", "vehicle")
+    assert (outcome.code, outcome.out) == (1, "")
+    assert "the robot file has no block 'biped', which says what are torso, feet and legs" in outcome.err
+
+
 def test_an_unknown_unit_is_told_with_what_was_meant(circuitkit):
     outcome = circuitkit("design", "--force", "20Nn", "--duration", "200ms")
     assert outcome.code == 1

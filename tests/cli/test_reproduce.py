@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 
 import pytest
-from study.reproduce.made_up import MadeUpFigure
+from paper.reproduce.made_up import made_up_figure
 
-from circuitkit.paper.reproduce import run
+from circuitkit.paper.reproduce import FIGURES
 
 
 @pytest.fixture(autouse=True)
 def figures(monkeypatch):
-    made = {"fig9": MadeUpFigure(), "fig10": MadeUpFigure()}
-    monkeypatch.setattr(run, "FIGURES", dict.fromkeys(made, ""))
-    monkeypatch.setattr(run, "select", lambda names: tuple(names) or tuple(made))
-    monkeypatch.setattr(run, "module_of", made.__getitem__)
+    made = {"fig9": made_up_figure(9), "fig10": made_up_figure(10)}
+    monkeypatch.setattr(FIGURES, "kinds", made)
     return made
 
 

@@ -14,13 +14,13 @@ import pytest
 STUDY = """\
 study: two pushes
 scenario: nao_push
-set: {gait: gait_march, controller: open_loop, "pushes[0].start.step": 0}
+set: {reference.gait: gait_march, controller: open_loop, push.start.step: 0}
 watch: 1 s
 axes:
-  pushes[0].direction: [inward, outward]
+  push.direction: [inward, outward]
 seeds: {count: 2}
 """
-SEARCH = 'search: {field: "pushes[0].force", low: 0 N, high: 45 N, step: 15 N, check_below: 0}\n'
+SEARCH = 'search: {field: push.force, low: 0 N, high: 45 N, step: 15 N, check_below: 0}\n'
 
 
 @pytest.fixture
@@ -33,12 +33,13 @@ def study(tmp_path):
 def test_shares_are_printed_with_their_interval(circuitkit, study):
     done = circuitkit("sweep", study, "-o", "out", "--workers", "1")
     assert done.code == 0
-    lines = [line.split() for line in done.out.splitlines() if "ward" in line]
+    lines = [line.split()[:8] for line in done.out.splitlines() if "ward" in line]
     # 20 N: 2 of 2 inward, none outward; z^2 = 3.84, so 2/(2 + 3.84) = 34 % and the rest to 66 %
     assert lines == [
         ["inward", "2", "of", "2", "34", "to", "100", "%"],
         ["outward", "0", "of", "2", "0", "to", "66", "%"],
     ]
+    assert all(name in done.out for name in ("time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s"))
     assert done.err == "wrote out/results.parquet: 4 runs\n"
     again = circuitkit("sweep", study, "-o", "out", "--workers", "1")
     assert again.code == 3
@@ -46,9 +47,12 @@ def test_shares_are_printed_with_their_interval(circuitkit, study):
     printed = circuitkit("sweep", study, "-o", "out", "--resume", "--json", "--workers", "1")
     data = json.loads(printed.out)
     assert data["results"] == "out/results.parquet"
+    inward, outward = (share["means"] for share in data["shares"])
+    assert inward["time_of_fall_s"] is None  # nobody fell
+    assert outward["time_of_fall_s"] < 2.35
     assert [(share["labels"], share["survived"]) for share in data["shares"]] == [
-        ({"pushes[0].direction": "inward"}, 2),
-        ({"pushes[0].direction": "outward"}, 0),
+        ({"push.direction": "inward"}, 2),
+        ({"push.direction": "outward"}, 0),
     ]
 
 
@@ -59,7 +63,7 @@ def test_limits_are_printed_in_the_unit_of_the_search(circuitkit, tmp_path):
     (line,) = (line for line in done.out.splitlines() if "inward" in line)
     assert line.split() == ["inward", "15", "N", "1", "of", "1", "21", "to", "100", "%", "30", "N"]
     data = json.loads(circuitkit("sweep", "two.yaml", "-o", "out2", "--workers", "1", "--json").out)
-    assert (data["searched"], data["unit"]) == ("pushes[0].force", "N")
+    assert (data["searched"], data["unit"]) == ("push.force", "N")
     assert (data["limits"][0]["largest"], data["limits"][0]["fails_at"]) == (15.0, 30.0)
 
 

@@ -8,8 +8,8 @@ import sys
 import pytest
 from small_tuning import written
 
+from circuitkit.study.tuning.measure import Measure
 from circuitkit.study.tuning.objective import Score
-from circuitkit.study.tuning.run import Measure
 
 
 @pytest.fixture

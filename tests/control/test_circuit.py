@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from circuitkit import load_circuit, parse_circuit, run
 from circuitkit.base.errors import InputError
 from circuitkit.base.units import parse_unit
-from circuitkit.control import CircuitController
+from circuitkit.control import CircuitController, Interface
 from circuitkit.engine import compile_circuit
 
 OBSERVATIONS = {"zmp_y": parse_unit("m"), "force_difference": parse_unit("1"), "gyro_x": parse_unit("rad/s")}
@@ -39,13 +39,18 @@ def graph(text=CIRCUIT):
     return parse_circuit(text, "pair.yaml")
 
 
-def controller(text=CIRCUIT, step_s=0.01):
-    return CircuitController(graph(text), OBSERVATIONS, COMMANDS, step_s)
+def bound(circuit, observations=OBSERVATIONS, commands=COMMANDS, step_s=0.01, **more):
+    """The controller that runs on a robot with these channels and commands."""
+    return CircuitController(circuit, **more).bind(Interface(observations, commands, step_s))
 
 
-def complaints(text, step_s=0.01):
+def controller(text=CIRCUIT, step_s=0.01, **more):
+    return bound(graph(text), step_s=step_s, **more)
+
+
+def complaints(text, step_s=0.01, **more):
     with pytest.raises(InputError) as caught:
-        controller(text, step_s)
+        controller(text, step_s, **more)
     return str(caught.value).splitlines()
 
 
@@ -56,7 +61,8 @@ def stepped(text_or_controller, observations):
     commands, traces = [], []
     for row in observations:
         trace = np.full((observations.shape[1], len(made.trace_names)), np.nan)
-        commands.append(made.step(row, trace).copy())
+        commands.append(made.step(row).copy())
+        made.store_trace(trace)
         traces.append(trace)
     return np.array(commands), np.array(traces)
 
@@ -88,7 +94,7 @@ def test_it_is_the_circuit_run_alone():
     program = compile_circuit(load_circuit("binn_lateral"))
     order = [("force_difference", "zmp_y").index(name) for name in program.input_names]
     observations = observations[..., order]
-    made = CircuitController(load_circuit("binn_lateral"), OBSERVATIONS, COMMANDS, 0.01)
+    made = bound("binn_lateral")
     commands, traces = stepped(made, observations)
     alone = run(program, observations)
     np.testing.assert_array_equal(commands, alone.readout)
@@ -98,7 +104,7 @@ def test_it_is_the_circuit_run_alone():
 def test_members_of_populations_are_recorded_one_by_one():
     graph = load_circuit("ring_attractor")
     inputs, outputs = ({node.name: node.unit for node in nodes} for nodes in (graph.inputs, graph.outputs))
-    made = CircuitController(graph, inputs, outputs, graph.step_s)
+    made = bound(graph, inputs, outputs, graph.step_s)
     assert made.trace_names[:3] == ("global", "ring[0]", "ring[1]")
     observations = np.full((5, 2, 2), 0.5)
     commands, traces = stepped(made, observations)
@@ -172,7 +178,7 @@ def test_an_output_that_the_robot_does_not_have():
 def test_an_input_that_the_robot_does_not_have():
     text = CIRCUIT.replace("  zmp_y:", "  zmp:").replace("from: zmp_y", "from: zmp")
     assert complaints(text) == [
-        "pair.yaml:5:3: inputs.zmp: the robot has no sensor channel 'zmp'; "
+        "pair.yaml:5:3: inputs.zmp: the robot has no channel 'zmp'; "
         "allowed: zmp_y, force_difference, gyro_x; did you mean 'zmp_y'?"
     ]
 
@@ -182,14 +188,14 @@ def test_an_output_of_another_dimension():
         "unit: deg, readout: {a: 2 deg, b: -1 deg}", "unit: mm, readout: {a: 2 mm}"
     ).replace("[-9 deg, 9 deg]", "[-9 mm, 9 mm]")
     assert complaints(text) == [
-        "pair.yaml:14:3: outputs.ankle_roll: found the unit 'mm'; allowed: the robot's command has 'deg', or "
-        "like it"
+        "pair.yaml:14:3: outputs.ankle_roll: found the unit 'mm'; allowed: the robot's command 'ankle_roll' has "
+        "'deg', or like it"
     ]
 
 
 def test_a_control_step_that_is_not_the_walks():
     assert complaints(CIRCUIT, 0.02) == [
-        "pair.yaml:1:1: control_step: found 10 ms; allowed: the control step of the walk, 20 ms"
+        "pair.yaml:1:1: control_step: found 10 ms; allowed: the control step of the run, 20 ms"
     ]
 
 

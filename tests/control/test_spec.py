@@ -78,7 +78,7 @@ def test_every_kind_is_found_by_its_name():
 def test_mistakes_are_told_with_line_and_column(tmp_path, text, message):
     path = tmp_path / "own.yaml"
     path.write_text(text)
-    with pytest.raises(InputError, match=re.escape(message.replace("KINDS", ", ".join(KINDS)))):
+    with pytest.raises(InputError, match=re.escape(message.replace("KINDS", ", ".join(KINDS.kinds)))):
         load_controller(path)
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from circuitkit.base.errors import InputError
 from circuitkit.biped.gait import load_gait
-from circuitkit.paper.design_sheet import make_sheet
 from circuitkit.paper.design import robot_and_reaches
 from circuitkit.paper.design_figure import design_figure, draw_design
+from circuitkit.paper.design_sheet import make_sheet
 
 
 @pytest.fixture(scope="module")

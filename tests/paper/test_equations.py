@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from circuitkit.base.errors import InputError
-from circuitkit.biped.gait import design as eq
+from circuitkit.paper import equations as eq
 
 MASS, HEIGHT, STEP = 5.18, 0.27, 0.01  # section 4.2 and 5.1
 ROBOT = (MASS, HEIGHT, STEP)

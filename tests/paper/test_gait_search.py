@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from circuitkit.study import gait_search
+from circuitkit.paper import gait_search
 from circuitkit.paper.gait_figures import GaitFigures
 
 

@@ -11,15 +11,15 @@ from contextlib import ExitStack, contextmanager
 import pytest
 from study.cut import small_study
 
-from circuitkit.study import open_pool, sweep
+from circuitkit.study import open_workers, sweep
 from circuitkit.study.jobs import Done, versions
-from circuitkit.study.pool import PoolError, require_same_versions
+from circuitkit.study.workers import WorkerError, require_same_versions
 
 
 @pytest.mark.parametrize("address", ["nonsense", "", "http://127.0.0.1:1", "tcp://127.0.0.1", "tcp://:8786"])
 def test_what_is_no_address_of_a_scheduler_is_refused_at_once(address):
-    refused = pytest.raises(PoolError, match=r"allowed: the address of a Dask scheduler, such as tcp://")
-    with refused, open_pool(scheduler=address):
+    refused = pytest.raises(WorkerError, match=r"allowed: the address of a Dask scheduler, such as tcp://")
+    with refused, open_workers(scheduler=address):
         pass
 
 
@@ -92,16 +92,16 @@ def test_a_lost_worker_changes_nothing_in_the_results(cluster, tmp_path):
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
-    monkeypatch.setattr("circuitkit.study.pool._CONNECT_S", 0.2)
+    monkeypatch.setattr("circuitkit.study.workers._CONNECT_S", 0.2)
     message = r"cannot reach a Dask scheduler at 'tcp://127\.0\.0\.1:1'"
-    with pytest.raises(PoolError, match=message), open_pool(scheduler="tcp://127.0.0.1:1"):
+    with pytest.raises(WorkerError, match=message), open_workers(scheduler="tcp://127.0.0.1:1"):
         pass
 
 
 def test_a_worker_with_other_versions_is_refused_since_its_bits_may_be_others():
-    require_same_versions(Done(1, ()))
+    require_same_versions(Done(()))
     ours = versions()
-    other = Done(1, (), ours | {"mujoco": "3.0.0"})
-    message = rf"a Dask worker has mujoco 3.0.0; allowed: as this process, mujoco {ours['mujoco']}"
-    with pytest.raises(PoolError, match=message):
+    other = Done((), ours | {"mujoco": "3.0.0"})
+    message = rf"a worker has mujoco 3.0.0; allowed: as this process, mujoco {ours['mujoco']}"
+    with pytest.raises(WorkerError, match=message):
         require_same_versions(other)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import json
+import multiprocessing
 import os
 import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pyarrow.parquet
@@ -17,9 +19,9 @@ from circuitkit.base.files import OutputError
 from circuitkit.base.source import data_folder
 from circuitkit.simulation import RunSpec, Scenario, load_scenario, make_plan
 from circuitkit.simulation.loop import run_loop
-from circuitkit.study import make_study, open_pool, read_results, run_cases, run_studies, sweep
+from circuitkit.study import Workers, make_study, open_workers, read_results, run_cases, run_studies, sweep
 from circuitkit.study.driver import estimate
-from circuitkit.study.pool import PoolError
+from circuitkit.study.workers import WorkerError
 
 
 @pytest.fixture(scope="module")
@@ -207,8 +209,8 @@ def test_cases_come_back_in_their_order_and_the_wrong_ones_as_errors(swept):
         push | {"push.body": "tail"},
         push | {"controller": "circuit", "push.force": "15 N"},
     ]
-    with open_pool(1) as pool:
-        found = run_cases(study, cases, [1, 0], pool)
+    with open_workers(1) as workers:
+        found = run_cases(study, cases, [1, 0], workers)
     assert isinstance(found[1], InputError)
     assert "did you mean 'q1.slope'" in str(found[1])
     assert isinstance(found[2], SimulationError | InputError)
@@ -230,8 +232,8 @@ def test_cases_come_back_in_their_order_and_the_wrong_ones_as_errors(swept):
 def test_studies_side_by_side_find_what_each_finds_alone(swept):
     tuned = small_study().with_({"axes": {"contender": ["tuned, towards the edge"]}})
     wrong = small_study().with_({"set": {"circuit.nothing": 3}})
-    with open_pool(1) as pool:
-        one, other, error = run_studies([tuned, small_study(), wrong], pool)
+    with open_workers(1) as workers:
+        one, other, error = run_studies([tuned, small_study(), wrong], workers)
     assert isinstance(error, InputError)
     assert other.rows == swept[1].rows
     assert one.limits() == swept[1].limits()[2:]
@@ -249,37 +251,58 @@ def test_without_search_shares_are_found(tmp_path):
 
 
 def test_a_worker_that_is_killed_is_told():
-    def kill_one(*_):
-        if workers := list(pool._processes.values()):
-            os.kill(workers[0].pid, signal.SIGKILL)
+    def kill_one(done, _):
+        if done:
+            os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
 
-    with open_pool(2) as pool, pytest.raises(PoolError, match=r"has ended by signal 9; .*fewer --workers"):
-        run_studies([small_study()], pool, progress=kill_one)
+    message = r"has ended by signal 9; .*fewer --workers"
+    with open_workers(2) as workers, pytest.raises(WorkerError, match=message):
+        run_studies([small_study()], workers, batch=1, progress=kill_one)
+    assert not multiprocessing.active_children()
 
 
-def test_workers_that_still_have_jobs_of_a_call_that_was_broken_off_are_refused():
-    """Their outcomes would be taken for those of other runs."""
-
+def test_whoever_breaks_off_does_not_wait_for_what_is_under_way():
     def stop(done, _):
-        if not done:
+        if done:
             raise KeyboardInterrupt
 
-    with open_pool(1) as pool:
+    with pytest.raises(KeyboardInterrupt), open_workers(2) as workers:
+        run_studies([small_study()], workers, batch=1, progress=stop)
+    assert not multiprocessing.active_children()
+
+
+def test_workers_go_on_after_a_call_that_was_broken_off(swept):
+    """Outcomes of the first call are not taken for those of the second."""
+
+    def stop(done, _):
+        if done:
+            raise KeyboardInterrupt
+
+    with open_workers(2) as workers:
         with pytest.raises(KeyboardInterrupt):
-            run_studies([small_study()], pool, progress=stop)
-        with pytest.raises(PoolError, match=r"the workers still have 1 jobs of a call .* open a new pool"):
-            run_studies([small_study()], pool)
+            run_studies([small_study().with_({"seeds": {"first": 7}})], workers, batch=1, progress=stop)
+        (results,) = run_studies([small_study()], workers)
+    assert results.rows == swept[1].rows
+
+
+def test_any_executor_will_do(swept):
+    with ThreadPoolExecutor(1) as executor:
+        (results,) = run_studies([small_study()], Workers(executor, lambda: 3))
+    assert results.rows == swept[1].rows
 
 
 @pytest.mark.parametrize("workers", [0, -1, 5000])
 def test_numbers_of_workers_without_sense_are_refused(workers):
-    with pytest.raises(CircuitkitError, match=rf"found {workers} workers; allowed: 1 to"), open_pool(workers):
+    with (
+        pytest.raises(CircuitkitError, match=rf"found {workers} workers; allowed: 1 to"),
+        open_workers(workers),
+    ):
         pass
 
 
 def test_a_batch_without_runs_is_refused():
     with (
-        open_pool(1) as pool,
+        open_workers(1) as workers,
         pytest.raises(CircuitkitError, match=r"found a batch of 0; allowed: 1 or more"),
     ):
-        run_studies([small_study()], pool, batch=0)
+        run_studies([small_study()], workers, batch=0)

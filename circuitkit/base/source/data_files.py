@@ -14,7 +14,7 @@ def data_folder(folder: str) -> Path:
     """Where shipped files of a kind lie: inside an installed package, or at the top of a source checkout.
 
     Args:
-        folder: Such as "circuits" or "sims/gaits".
+        folder: Such as "circuits" or "sims/studies".
     """
     installed = _PACKAGE / "_data" / folder
     return installed if installed.is_dir() else _PACKAGE.parent / folder
@@ -24,7 +24,7 @@ def shipped_names(folder: str) -> tuple[str, ...]:
     """Names of the shipped files of a kind, sorted.
 
     Args:
-        folder: Such as "circuits" or "sims/gaits".
+        folder: Such as "circuits" or "sims/studies".
     """
     return tuple(sorted(path.stem for path in data_folder(folder).glob(f"*{_SUFFIX}")))
 
@@ -36,7 +36,7 @@ def find_data_file(name_or_path: str | Path, folder: str) -> Path:
 
     Args:
         name_or_path: Such as `my/circuit.yaml` or `binn_lateral`.
-        folder: Such as "circuits" or "sims/gaits".
+        folder: Such as "circuits" or "sims/studies".
 
     Raises:
         InputError: There is no shipped file of this name; lists those there are.

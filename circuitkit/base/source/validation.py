@@ -101,6 +101,10 @@ def model_problems(
     for detail in details:
         by_place.setdefault(_place(detail, data), []).append(detail)
     for place, group in by_place.items():
+        if group[0]["type"] == "missing" and isinstance(place[-1], int):
+            if (*place[:-1], place[-1] + 1) not in by_place:  # of a list that is too short, the last one says it
+                findings.append(_too_short(document, data, at, place))
+            continue
         if group[0]["type"] == "missing":
             findings.extend(_misspelt(document, model, data, at, place))
         # One branch of a union may refuse the type where another takes it and complains about the inside.
@@ -110,6 +114,13 @@ def model_problems(
                 _finding(document, model, at, place, [_as_written(d, data, place) for d in group])
             )
     return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
+
+
+def _too_short(document: Document, data: Data, at: Place, place: Place) -> Finding:
+    for part in place[:-1]:
+        data = data[part]  # type: ignore[index]  # the place of a complaint exists, but for its last part
+    message = f"found {describe(data)}; allowed: a list of {int(place[-1]) + 1}"
+    return Finding((*at, *place[:-1]), "missing", document.problem((*at, *place[:-1]), message))
 
 
 def _misspelt(
@@ -149,7 +160,7 @@ def _as_written(detail: Any, data: Data, place: Place) -> Any:  # noqa: ANN401 -
     for part in place:
         keys = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
         data = data[part] if part in keys else None  # type: ignore[index]  # it has keys
-    if not (isinstance(data, str) and isinstance(detail["input"], float) and detail["type"] in _BOUNDS):
+    if not (isinstance(data, str) and isinstance(detail["input"], float | str) and detail["type"] in _SIZES):
         return detail
     unit = parse_quantity(data).unit
     bounds = {name: format_quantity(bound, unit) for name, bound in detail.get("ctx", {}).items()}
@@ -233,6 +244,9 @@ _BOUNDS = {
     "union_tag_invalid": "{expected_tags}",
     "union_tag_not_found": "a mapping with the key {discriminator}",
 }
+
+
+_SIZES = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
 
 
 def _allowed(detail: Mapping[str, Any]) -> str:

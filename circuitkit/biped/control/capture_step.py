@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -69,7 +70,7 @@ def dcm_at_end(dcm_m: Array, zmp_m: float, time_left_s: float, omega: float) -> 
 
 
 class CaptureStepSpec(ControllerSpec):
-    """A controller file of the kind `capture_step`."""
+    """Puts a foot where the capture point asks for it, beside a circuit of the ankles."""
 
     kind: ClassVar[str] = "capture_step"
 
@@ -227,6 +228,11 @@ class CaptureStep:
         self._decision_trace = np.zeros((batch, len(self._decision.trace_names)))
         self._offset_m = np.zeros((batch, 2))  # of each foot, outward
         self._command = np.zeros((batch, len(self.commands)))
+
+    def seed_noise(self, seeds: Sequence[int]) -> None:
+        """Let the noise of both circuits follow from the robots' seeds."""
+        self._ankles.seed_noise(seeds)
+        self._decision.seed_noise(seeds)
 
     def step(self, observation: Array) -> Array:
         """Commands of the ankles' circuit, then sideways angle and lift of both legs; shape (B, m), [rad]."""

@@ -37,7 +37,7 @@ class AxisGains(FileModel):
 
 
 class DcmAnkleSpec(ControllerSpec):
-    """A controller file of the kind `dcm_ankle`."""
+    """Leans the ankles against the error of the DCM (capture point) by a PD law."""
 
     kind: ClassVar[str] = "dcm_ankle"
 

@@ -161,7 +161,7 @@ def box_solver(name: str, hessian: Array, *, direct: bool = True) -> BoxSolver:
 
 def _daqp(hessian: Array) -> BoxSolver:
     try:
-        import daqp
+        import daqp  # an extra
     except ImportError as error:
         package = "daqp"
         raise MissingDependencyError(package, "mpc", _PURPOSE) from error
@@ -186,7 +186,7 @@ def _daqp(hessian: Array) -> BoxSolver:
 
 def _through_qpsolvers(name: str, hessian: Array) -> BoxSolver:
     try:
-        import qpsolvers
+        import qpsolvers  # an extra
     except ImportError as error:
         package = "qpsolvers"
         raise MissingDependencyError(package, "mpc", _PURPOSE) from error

@@ -34,11 +34,13 @@ _LOST_M = 0.2  # a DCM so far outside the soles is beyond all help: that robot's
 
 
 class WieberMpcSpec(ControllerSpec):
-    """A controller file of the kind `wieber_mpc`."""
+    """Leans the ankles by Wieber's model predictive control."""
 
     kind: ClassVar[str] = "wieber_mpc"
 
-    axes: tuple[AxisName, ...] = Field(default=("lateral",), min_length=1)
+    axes: tuple[AxisName, ...] = Field(
+        default=("lateral",), min_length=1, description="lateral (ankle_roll), sagittal (ankle_pitch), or both."
+    )
     feedback: Literal["joint_angles", "com"] = Field(
         description="joint_angles: the support foot taken as flat, as NAO's own walk does; com: the true CoM."
     )

@@ -57,6 +57,11 @@ class Walk:
         """T."""
         return len(self.joints_rad)
 
+    def rows(self, which: slice) -> Walk:
+        """Some ticks of it."""
+        plan = Schedule(**{name: getattr(self.schedule, name)[which] for name in Schedule.__dataclass_fields__})
+        return Walk(self.gait, plan, self.pelvis_m[which], self.joints_rad[which])
+
 
 def joint_angles(gait: GaitSpec, schedule: Schedule, pelvis_xy_m: Array, legs: LegGeometry) -> Walk:
     """The walk whose pelvis moves as given, by eqs. 3-10.

@@ -1,34 +1,30 @@
-"""Ablation: what each neuron and each connection of a circuit is worth, by silencing it."""
+"""Measures what each neuron and each connection of a circuit is worth, by silencing it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.silencing import ARROW, connections
 from circuitkit.draw.style import EXCITATORY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
 from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio, seeds_in_words
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import count, plain, words
-from circuitkit.study import load_study
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import count, one_line, plain
+from circuitkit.study import Case, CaseBuilder, Study, load_study
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.circuit import CircuitGraph
-    from circuitkit.study import Study
-
-TITLE = "Ablation: what each part of the circuit is worth"
-EFFORT = Effort(full_s=340.0, quick_s=60.0)
 STUDY = "ablation"
 WHOLE, NONE = "nothing", "everything"
 SENSES = "inputs"
 _QUICK: Mapping[str, Any] = {
-    "axes": {"pushes[0].direction": ["inward"]},
+    "axes": {"push.direction": ["inward"]},
     "seeds": {"count": 2},
     "search": {"step": "8 N"},
 }
@@ -40,56 +36,80 @@ Lesions = Mapping[str, Sequence[str]]
 Ratios = Mapping[str, Ratio]
 
 
-def run(job: Job) -> Finding:
-    """Silence each neuron and each connection in turn, search the largest survived forces, draw them."""
-    study = load_study(STUDY)
-    study = study.with_(_QUICK) if job.quick else study
-    found: dict[str, Ratios] = {}
-    parts: dict[str, tuple[Lesions, Lesions]] = {}
-    for value in study.axes["circuit"]:
-        circuit = study.point(value.settings).circuit
-        parts[circuit.name] = neurons_of(circuit), connections_of(circuit)
-        own = with_lesions(study, value.text, parts[circuit.name])
-        forces = forces_by(job.sweep(own, circuit.name).limits(), "lesion")
-        found[circuit.name] = {each: paired_ratio(forces[each,], forces[WHOLE,]) for (each,) in forces}
-    seeds = len(study.seeds)
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=tuple(claim_of(name, found[name], tuple(parts[name][0]), seeds) for name in found),
-        pictures=(_draw(job, found, parts),),
-        tables=tuple(_table(name, ratios) for name, ratios in found.items()),
-        text=words(f"""
-        One neuron or one connection of a circuit at a time sends nothing; all else stays, also the order
-        of a step. What a neuron takes from several inputs is one connection here. For each of {seeds}
-        seeds the largest force of 0.2 s that is survived is searched, in a step of the left and in one of
-        the right foot, so that both halves of the network are asked. 100 % is the whole circuit; the open
-        loop is the circuit with everything silenced. Less than 100 % is what a part is worth; more means
-        that the robot does better without it, against these pushes. Intervals (95 %) are a bootstrap over
-        the seeds; over so few they are rather too narrow. The search of a seed takes the first
-        boundary that bisection finds; whether weaker pushes leave gaps below is not looked for."""),
-        seeds=seeds_in_words(study),
-        studies=(STUDY,),
-        data={name: {each: vars(ratio) for each, ratio in ratios.items()} for name, ratios in found.items()},
-    )
+class Ablation(ReportFigure):
+    """Silences each neuron and each connection of a circuit in turn."""
+
+    kind: ClassVar[str] = "ablation"
+    order: ClassVar[int] = 40
+    title: ClassVar[str] = "Ablation: what each part of the circuit is worth"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
+    effort: ClassVar[Effort] = Effort(full_s=340.0, quick_s=60.0)
+
+    def run(self, job: Job) -> Finding:
+        """Silence each neuron and each connection in turn, search the largest survived forces, draw them."""
+        study = load_study(STUDY)
+        study = study.with_(_QUICK) if job.quick else study
+        cases = CaseBuilder(study)
+        found: dict[str, Ratios] = {}
+        parts: dict[str, tuple[Lesions, Lesions]] = {}
+        for value in study.axes["circuit"]:
+            circuit = _circuit(cases.case(value.settings))
+            parts[circuit.name] = neurons_of(circuit), connections_of(circuit)
+            own = with_lesions(study, value.text, parts[circuit.name])
+            forces = forces_by(job.sweep(own, circuit.name).limits(), "lesion")
+            found[circuit.name] = {each: paired_ratio(forces[each,], forces[WHOLE,]) for (each,) in forces}
+        seeds = len(study.seeds)
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=tuple(claim_of(name, found[name], tuple(parts[name][0]), seeds) for name in found),
+            pictures=(_draw(job, found, parts),),
+            tables=tuple(_table(name, ratios) for name, ratios in found.items()),
+            text=one_line(f"""
+            One neuron or one connection of a circuit at a time sends nothing; all else stays, also the order
+            of a step. What a neuron takes from several inputs is one connection here. For each of {seeds}
+            seeds the largest force of 0.2 s that is survived is searched, in a step of the left and in one of
+            the right foot, so that both halves of the network are asked. 100 % is the whole circuit; the open
+            loop is the circuit with everything silenced. Less than 100 % is what a part is worth; more means
+            that the robot does better without it, against these pushes. Intervals (95 %) are a bootstrap over
+            the seeds; over so few they are rather too narrow. The search of a seed takes the first
+            boundary that bisection finds; whether weaker pushes leave gaps below is not looked for."""),
+            seeds=seeds_in_words(study),
+            studies=self.studies,
+            data={
+                name: {each: vars(ratio) for each, ratio in ratios.items()} for name, ratios in found.items()
+            },
+        )
+
+
+def _circuit(case: Case) -> CircuitGraph:
+    """Return the circuit of a case.
+
+    Raises:
+        InputError: It has none.
+    """
+    if case.circuits.used is None:
+        message = f"the study '{STUDY}' names no circuit; allowed: circuits to take apart"
+        raise InputError(Problem("", 0, 0, "axes.circuit", message))
+    return case.circuits.used
 
 
 def with_lesions(study: Study, circuit: str, parts: tuple[Lesions, Lesions]) -> Study:
-    """The study of one circuit with a lesion for each of its parts, after those that the study has."""
+    """Give the study of one circuit a lesion for each of its parts, after those that the study has."""
     axis: dict[str, Any] = {value.text: dict(value.settings) for value in study.axes["lesion"]}
     axis |= {name: {"silenced": list(silenced)} for part in parts for name, silenced in part.items()}
     return study.with_({"axes": {"circuit": [circuit], "lesion": axis}})
 
 
 def neurons_of(circuit: CircuitGraph) -> Lesions:
-    """Its neurons that send anything."""
+    """List the neurons that send anything."""
     sending = {source for source, _ in connections(circuit)}
     names = [neuron.name for neuron in circuit.neurons if neuron.name in sending]
     return {_short(name, circuit): (name,) for name in names}
 
 
 def connections_of(circuit: CircuitGraph) -> Lesions:
-    """Its connections; those from several inputs to one neuron are one."""
+    """List the connections; those from several inputs to one neuron are one."""
     inputs = {node.name for node in circuit.inputs}
     found: dict[str, list[str]] = {}
     for source, target in connections(circuit):
@@ -101,14 +121,14 @@ def connections_of(circuit: CircuitGraph) -> Lesions:
 
 
 def _short(name: str, circuit: CircuitGraph) -> str:
-    """A name without that of the instance, if all neurons are of one."""
+    """Strip a name of that of the instance, if all neurons are of one."""
     instances = {neuron.name.rpartition(".")[0] for neuron in circuit.neurons}
     (prefix,) = instances if len(instances) == 1 else ("",)
     return name.removeprefix(f"{prefix}.") if prefix else name
 
 
 def claim_of(circuit: str, ratios: Ratios, neurons: Sequence[str], seeds: int) -> Claim:
-    """Whether every neuron has its part in what the circuit does."""
+    """Claim that every neuron has its part in what the circuit does."""
     needed = [name for name in neurons if ratios[name].high < 1]
     spare = [name for name in neurons if name not in needed]
     worst = min(neurons, key=lambda name: ratios[name].value)
@@ -159,7 +179,7 @@ def _draw(job: Job, found: Mapping[str, Ratios], parts: Mapping[str, tuple[Lesio
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
         file = save(figure, job.folder, "ablation")
-    caption = words("""
+    caption = one_line("""
         Largest survived force without a neuron or a connection, in percent of the whole circuit's (solid
         line); thin bars are 95 % intervals by a bootstrap over seeds. The other lines are the open loop.""")
     return Picture(
@@ -188,5 +208,5 @@ def _points(axes: Axes, circuit: str, ratios: Ratios, names: Sequence[str], numb
     places = np.array(rows) + aside
     for place, ratio in zip(places, own, strict=True):
         axes.plot(np.array([ratio.low, ratio.high]) * 100, [place] * 2, color=colour, linewidth=1.1, zorder=2)
-    look: Any = {"color": colour, "markerfacecolor": face, "markersize": 4.5, "zorder": 3}
-    axes.plot([ratio.value * 100 for ratio in own], places, marker, label=circuit, **look)
+    style: Any = {"color": colour, "markerfacecolor": face, "markersize": 4.5, "zorder": 3}
+    axes.plot([ratio.value * 100 for ratio in own], places, marker, label=circuit, **style)

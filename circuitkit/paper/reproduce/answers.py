@@ -1,4 +1,4 @@
-"""What the lateral network answers to a ZMP that stands still, for each way of standing."""
+"""Asks what the lateral network answers to a ZMP that stands still, for each way of standing."""
 
 from __future__ import annotations
 

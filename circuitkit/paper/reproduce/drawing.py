@@ -1,16 +1,15 @@
-"""What the pictures of several figures have in common, so that they read alike, also in grey."""
+"""Keeps what the pictures of several figures have in common, so that they read alike, also in grey."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from circuitkit.draw.style import EXCITATORY, GATE, GREY, INHIBITORY, INK, save_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 WIDTH_IN = 7.2
 PUSHED = "#c8201a"  # from the push on, as in the paper
@@ -19,8 +18,8 @@ BAND, PUSH_FILL = "#dcdcdc", "#f6c945"
 
 
 @dataclass(frozen=True)
-class Look:
-    """How a contender is drawn in every figure.
+class LineStyle:
+    """The way in which a contender is drawn in every figure.
 
     Attributes:
         label: In legends and tables.
@@ -37,7 +36,7 @@ class Look:
     filled: bool = True
 
     def line(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401 - whatever `Axes.plot` takes
-        """Arguments of `Axes.plot`."""
+        """Return arguments of `Axes.plot`."""
         face = self.colour if self.filled else "white"
         return {
             "label": self.label,
@@ -51,22 +50,22 @@ class Look:
         }
 
 
-LOOKS: Mapping[str, Look] = {
-    "open_loop": Look("open loop", GREY, (0, (1, 1.5)), "o", filled=False),
-    "mpc": Look("MPC, joint angles (as NAO's)", "#e6a100", "--", "^", filled=False),
-    "mpc_full": Look("MPC, full CoM feedback", "#9a6b00", "-.", "v"),
-    "dcm_ankle": Look("ankle PD on the DCM", GATE, (0, (6, 1.5, 1, 1.5, 1, 1.5)), "D", filled=False),
-    "binn": Look("BiNN as the paper reads", INHIBITORY, (0, (3, 1.5)), "s", filled=False),
-    "binn_tuned": Look("BiNN, tuned", EXCITATORY, "-", "s"),
-    "binn_capture": Look("BiNN on the capture point", "#1d4f7a", (0, (5, 1)), "P"),
-    "bound": Look("bound by the DCM", INK, ":", ""),
-    "point_mass": Look("the same, pushed at the CoM", "#9a9a9a", ":", ""),
+STYLES: Mapping[str, LineStyle] = {
+    "open_loop": LineStyle("open loop", GREY, (0, (1, 1.5)), "o", filled=False),
+    "mpc": LineStyle("MPC, joint angles (as NAO's)", "#e6a100", "--", "^", filled=False),
+    "mpc_full": LineStyle("MPC, full CoM feedback", "#9a6b00", "-.", "v"),
+    "dcm_ankle": LineStyle("ankle PD on the DCM", GATE, (0, (6, 1.5, 1, 1.5, 1, 1.5)), "D", filled=False),
+    "binn": LineStyle("BiNN as the paper reads", INHIBITORY, (0, (3, 1.5)), "s", filled=False),
+    "binn_tuned": LineStyle("BiNN, tuned", EXCITATORY, "-", "s"),
+    "binn_capture": LineStyle("BiNN on the capture point", "#1d4f7a", (0, (5, 1)), "P"),
+    "bound": LineStyle("bound by the DCM", INK, ":", ""),
+    "point_mass": LineStyle("the same, pushed at the CoM", "#9a9a9a", ":", ""),
 }
 
 
 def label_of(contender: str) -> str:
-    """The name of a contender in words."""
-    return LOOKS[contender].label if contender in LOOKS else contender.replace("_", " ")
+    """Name a contender in words."""
+    return STYLES[contender].label if contender in STYLES else contender.replace("_", " ")
 
 
 def save(figure: Figure, folder: Path, name: str) -> str:

@@ -1,17 +1,15 @@
-"""Ratios of what two survive, with an interval: a bootstrap over seeds, which both share."""
+"""Takes ratios of what two survive, with an interval by a bootstrap over seeds, which both share."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from circuitkit.study import Limit, Study
+from circuitkit.study import Limit, Study
 
 Array = NDArray[np.float64]
 
@@ -39,11 +37,11 @@ class Ratio:
 
 
 def paired_ratio(mine: Array, theirs: Array) -> Ratio:
-    """The ratio of the means of two sets of forces, with its bootstrap interval.
+    """Take the ratio of the means of two sets of forces, with its bootstrap interval.
 
     The seeds are drawn again with replacement, some thousand times; with each goes what both survived under
     it, in all kinds of pushes, since the same seed means the same noise and the same moment for both. The
-    interval holds the middle 95 % of the ratios. It tells what other seeds might have given, not what the
+    interval holds the middle 95 % of the ratios. It says what other seeds might have given, not what the
     grid of forces hides.
 
     Args:
@@ -61,11 +59,11 @@ def paired_ratio(mine: Array, theirs: Array) -> Ratio:
 
 
 def forces_by(limits: Sequence[Limit], *axes: str) -> Mapping[tuple[str, ...], Array]:
-    """What each seed survived, by the values of some axes.
+    """Group what each seed survived by the values of some axes.
 
     Args:
         limits: Of a study that searches the limit of each seed.
-        axes: The axes to tell apart; what varies along the others are kinds of pushes.
+        axes: The axes to keep apart; what varies along the others are kinds of pushes.
 
     Returns:
         Arrays of shape (kinds of pushes, seeds), [N].
@@ -77,6 +75,6 @@ def forces_by(limits: Sequence[Limit], *axes: str) -> Mapping[tuple[str, ...], A
 
 
 def seeds_in_words(study: Study) -> str:
-    """Such as `seeds 0 to 11`."""
+    """Name the seeds of a study, such as `seeds 0 to 11`."""
     seeds = study.seeds
     return f"seeds {seeds[0]} to {seeds[-1]}"

@@ -1,18 +1,21 @@
-"""Fig. 10: the ZMP over time, with the support polygon and the thresholds of the circuit."""
+"""Makes figure 10, the ZMP over time with the support polygon and the thresholds of the circuit."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from circuitkit.biped.view import support_edges_m
 from circuitkit.draw.style import EXCITATORY, INK, SMALL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import BAND, PUSH_FILL, PUSHED, WIDTH_IN, save
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import spread, words
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import median_range, one_line
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,
@@ -25,15 +28,9 @@ from circuitkit.paper.reproduce.pushed_walk import (
     thresholds_for_pressure_m,
     zmp_as_read_m,
 )
-from circuitkit.simulation.story import support_edges_m
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
-TITLE = "Figure 10: the ZMP as a function of time"
-EFFORT = Effort(full_s=15.0, quick_s=8.0)
 PAPER_S = 0.084
 _MM = 1e3
 _WINDOW_S = (-1.4, 3.0)  # around the beginning of the push
@@ -42,31 +39,39 @@ _CONTROL_STEP_S = 0.01
 _BY_CELLS, _BY_PRESSURE = "ZMP by the force cells, as the circuit reads it", "true centre of pressure"
 
 
-def run(job: Job) -> Finding:
-    """Record the pushed walk under the BiNN, measure its times beyond the thresholds, and draw the ZMP."""
-    seeds = QUICK_SEEDS if job.quick else SEEDS
-    walk = record_pushed_walk("circuit", seeds)
-    cells, pressure = zmp_as_read_m(walk), walk.recording.centre_of_pressure_m[..., 1]
-    measured = {
-        _BY_CELLS: measure_excursions(walk, cells, thresholds_for_cells_m(walk)),
-        _BY_PRESSURE: measure_excursions(walk, pressure, thresholds_for_pressure_m(walk)),
-    }
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=(_claim(measured[_BY_CELLS]),),
-        pictures=(_draw(job, walk),),
-        tables=(_table(measured),),
-        text=_TEXT,
-        seeds=f"seeds {seeds[0]} to {seeds[-1]}; the picture is of seed {seeds[0]}",
-        data={
-            name: [vars(each) for each in found]
-            for name, found in zip(("by_cells", "by_pressure"), measured.values(), strict=True)
-        },
-    )
+class Fig10(ReportFigure):
+    """Draws the ZMP of that run and measures how long it is beyond the thresholds."""
+
+    kind: ClassVar[str] = "fig10"
+    order: ClassVar[int] = 10
+    title: ClassVar[str] = "Figure 10: the ZMP as a function of time"
+    effort: ClassVar[Effort] = Effort(full_s=15.0, quick_s=8.0)
+
+    def run(self, job: Job) -> Finding:
+        """Record the pushed walk under the BiNN, measure its times beyond the thresholds, draw the ZMP."""
+        seeds = QUICK_SEEDS if job.quick else SEEDS
+        walk = record_pushed_walk("circuit", seeds)
+        cells, pressure = zmp_as_read_m(walk), walk.view.centre_of_pressure_m[..., 1]
+        measured = {
+            _BY_CELLS: measure_excursions(walk, cells, thresholds_for_cells_m(walk)),
+            _BY_PRESSURE: measure_excursions(walk, pressure, thresholds_for_pressure_m(walk)),
+        }
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=(_claim(measured[_BY_CELLS]),),
+            pictures=(_draw(job, walk),),
+            tables=(_table(measured),),
+            text=_TEXT,
+            seeds=f"seeds {seeds[0]} to {seeds[-1]}; the picture is of seed {seeds[0]}",
+            data={
+                name: [vars(each) for each in found]
+                for name, found in zip(("by_cells", "by_pressure"), measured.values(), strict=True)
+            },
+        )
 
 
-_TEXT = words("""
+_TEXT = one_line("""
 The run of Fig. 9 (`nao_push`, circuit `binn_lateral_tuned`). The paper does not say which ZMP its figure
 shows; here are both. The circuit reads the ZMP from the force cells, with their noise; as the cells lie
 inside the sole's edge, it moves less than the true centre of pressure, and cannot leave the cells' hull.
@@ -87,23 +92,24 @@ def _claim(found: Sequence[Excursions]) -> Claim:
     return Claim(
         "After crossing the threshold the ZMP is back inside in 0.084 s",
         "0.084 s",
-        f"{spread(first, 's')} to the first return; {spread(calm, 's')} until inside for a whole step",
+        f"{median_range(first, 's')} to the first return; "
+        f"{median_range(calm, 's')} until inside for a whole step",
         "ZMP that the circuit reads, from the first control step beyond a threshold after the push",
         verdict,
-        why=words(why) if verdict is Verdict.PARTLY else "",
+        why=one_line(why) if verdict is Verdict.PARTLY else "",
         source="section 5.2",
     )
 
 
 def verdict_on_return(first: Sequence[float | None], calm: Sequence[float | None]) -> Verdict:
-    """It holds if the ZMP stayed inside as soon as in the paper, in part if it was back at all so soon."""
+    """Judge by whether the ZMP stayed inside as soon as in the paper, or at least was back so soon."""
     if quick_enough(calm):
         return Verdict.HOLDS
     return Verdict.PARTLY if quick_enough(first) else Verdict.FAILS
 
 
 def quick_enough(times_s: Sequence[float | None]) -> bool:
-    """Whether the median is at most the paper's and a control step; a run without a time counts as never."""
+    """See whether the median is at most the paper's and a control step; no time counts as never."""
     values = [np.inf if time is None else time for time in times_s]
     return bool(values) and float(np.median(values)) <= PAPER_S + _CONTROL_STEP_S
 
@@ -112,10 +118,10 @@ def _table(measured: Mapping[str, Sequence[Excursions]]) -> Table:
     rows = tuple(
         (
             name,
-            spread([each.first for each in found], "s"),
-            spread([each.longest for each in found], "s"),
-            spread([each.total for each in found], "s"),
-            spread([each.until_calm for each in found], "s"),
+            median_range([each.first for each in found], "s"),
+            median_range([each.longest for each in found], "s"),
+            median_range([each.total for each in found], "s"),
+            median_range([each.until_calm for each in found], "s"),
         )
         for name, found in measured.items()
     )
@@ -137,7 +143,7 @@ def _draw(job: Job, walk: PushedWalk) -> Picture:
         handles, labels = above.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
         file = save(figure, job.folder, "fig10")
-    caption = words("""
+    caption = one_line("""
         The ZMP that the circuit reads, before and from the push on, the true centre of pressure, the
         support polygon by the load on the feet, and the thresholds of the circuit; below, the time around
         the push. The double arrow is the time from crossing a threshold to the first return.""")
@@ -146,9 +152,8 @@ def _draw(job: Job, walk: PushedWalk) -> Picture:
 
 
 def _zmp(axes: Axes, walk: PushedWalk, window: tuple[float, float]) -> None:
-    recording = walk.recording
-    time, support = recording.time_s, recording.support[:, 0]
-    edges = support_edges_m(recording.robot.spec) * _MM
+    time, support = walk.recording.time_s, walk.view.support[:, 0]
+    edges = support_edges_m(walk.view.block) * _MM
     seen = np.arange(len(time)) < walk.end_tick(0)
     start, end = walk.push_s(0)
     tidy(axes, grid=False)
@@ -164,14 +169,14 @@ def _zmp(axes: Axes, walk: PushedWalk, window: tuple[float, float]) -> None:
     for side, entry in enumerate(("threshold of the BiNN", None)):
         axes.plot(time, lines[:, side], color=INK, linewidth=0.9, linestyle=(0, (5, 2)), label=entry)
     zmp = zmp_as_read_m(walk)[:, 0] * _MM
-    pressure = recording.centre_of_pressure_m[:, 0, 1] * _MM
+    pressure = walk.view.centre_of_pressure_m[:, 0, 1] * _MM
     before, after = time <= start + walk.step_s, (time >= start) & seen
-    for kept, curve, look in (
+    for kept, curve, style in (
         (seen, pressure, (EXCITATORY, 0.9, ":", _BY_PRESSURE)),
         (before, zmp, (INK, 0.9, "-", "ZMP by the force cells")),
         (after, zmp, (PUSHED, 1.7, "-", "the same from the push on")),
     ):
-        colour, width, dashes, name = look
+        colour, width, dashes, name = style
         shown = np.where(kept, curve, np.nan)
         axes.plot(time, shown, color=colour, linewidth=width, linestyle=dashes, label=name)
 

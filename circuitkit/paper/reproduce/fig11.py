@@ -1,75 +1,83 @@
-"""Fig. 11: the largest force that is survived in all of 20 runs, by its duration."""
+"""Makes figure 11, the largest force that is survived in all of 20 runs, by its duration."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
+
+from matplotlib.axes import Axes
 
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
-from circuitkit.paper.reproduce.drawing import LOOKS, WIDTH_IN, label_of, save
+from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, label_of, save
 from circuitkit.paper.reproduce.fig11_claims import DIRECTIONS, LARGEST_N, claims_of
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Finding, Picture, Table
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import plain, signed_percent, words
-from circuitkit.study import load_study, wilson_interval
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import one_line, plain, signed_percent
+from circuitkit.study import Study, load_study, wilson_interval
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.study import Study
-
-TITLE = "Figure 11: compensation of an external force"
-EFFORT = Effort(full_s=900.0, quick_s=115.0)
 STUDY, THROUGH_COM = "fig11", "fig11_com"
 _QUICK: Mapping[str, Any] = {
-    "axes": {"pushes[0].duration": ["0.1 s", "0.2 s", "0.4 s", "0.7 s", "1.0 s"]},
+    "axes": {"push.duration": ["0.1 s", "0.2 s", "0.4 s", "0.7 s", "1.0 s"]},
     "seeds": {"count": 4},
     "search": {"step": "2 N", "check_below": 0},
 }
 _QUICK_COM: Mapping[str, Any] = {"seeds": {"count": 3}, "search": {"step": "4 N", "check_below": 0}}
 
 
-def run(job: Job) -> Finding:
-    """Search the largest survived forces, set them beside the bound and the paper's numbers, draw them."""
-    study = load_study(STUDY)
-    study = study.with_(_QUICK) if job.quick else study
-    through_com = load_study(THROUGH_COM)
-    through_com = through_com.with_(_QUICK_COM) if job.quick else through_com
-    forces, at_com = measure(job, study), measure(job, through_com)
-    seeds = study.seeds
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=claims_of(forces, at_com, len(seeds)),
-        pictures=(_draw(job, forces, len(seeds)),),
-        tables=(
-            *(_table(forces, direction, "") for direction in DIRECTIONS),
-            _means(forces),
-            *(_table(at_com, direction, ", pushed through the centre of mass") for direction in DIRECTIONS),
-        ),
-        text=_text(study),
-        seeds=f"seeds {seeds[0]} to {seeds[-1]}",
-        studies=(STUDY, THROUGH_COM),
-        data={
-            "largest_survived_n": listed(forces.survived),
-            "dcm_bound_n": listed({"torso": forces.bound, "centre of mass": forces.point_mass}),
-        },
-    )
+class Fig11(ReportFigure):
+    """Searches the largest force survived in all of 20 runs, by duration, beside the bound."""
+
+    kind: ClassVar[str] = "fig11"
+    order: ClassVar[int] = 11
+    title: ClassVar[str] = "Figure 11: compensation of an external force"
+    studies: ClassVar[tuple[str, ...]] = (STUDY, THROUGH_COM)
+    effort: ClassVar[Effort] = Effort(full_s=900.0, quick_s=115.0)
+
+    def run(self, job: Job) -> Finding:
+        """Search the largest survived forces, set them beside the bound and the paper's, draw them."""
+        study = load_study(STUDY)
+        study = study.with_(_QUICK) if job.quick else study
+        through_com = load_study(THROUGH_COM)
+        through_com = through_com.with_(_QUICK_COM) if job.quick else through_com
+        forces, at_com = measure(job, study), measure(job, through_com)
+        seeds = study.seeds
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=claims_of(forces, at_com, len(seeds)),
+            pictures=(_draw(job, forces, len(seeds)),),
+            tables=(
+                *(_table(forces, direction, "") for direction in DIRECTIONS),
+                _means(forces),
+                *(
+                    _table(at_com, direction, ", pushed through the centre of mass")
+                    for direction in DIRECTIONS
+                ),
+            ),
+            text=_text(study),
+            seeds=f"seeds {seeds[0]} to {seeds[-1]}",
+            studies=self.studies,
+            data={
+                "largest_survived_n": listed(forces.survived),
+                "dcm_bound_n": listed({"torso": forces.bound, "centre of mass": forces.point_mass}),
+            },
+        )
 
 
 def _text(study: Study) -> str:
     seeds = len(study.seeds)
     share, _ = wilson_interval(seeds, seeds)
     step = study.search.step if study.search is not None else ""
-    return words(f"""
+    return one_line(f"""
         A push at the torso begins at the same moment of *lift*, in the first step of the walk's repeating
         part, outward or inward (towards the foot in the air). A force counts as survived if the robot
         stands 5 s after the push in all {seeds} runs, and also with the forces next below; forces lie on
         a grid of {step}. {seeds} of {seeds} runs mean that at least {share * 100:.0f} % stand (95 %
         Wilson interval). Robot, walk, pushes, noise and seeds are the same for all; what they know is not.
         `mpc` reads the angles of the joints, `binn` and `binn_tuned` the force cells; `mpc_full`,
-        `dcm_ankle` and `binn_capture` are told the true centre of mass and its velocity, which no sensor
+        `dcm_ankle` and `binn_capture` are given the true centre of mass and its velocity, which no sensor
         of a NAO gives. The bound is what the DCM (capture point) allows any control with the ankles: the
         largest constant force after which it has not passed the outer edge that can still carry the
         robot, for a torso that stays upright and is pushed where it is, above the centre of mass. Who
@@ -118,11 +126,11 @@ def _draw(job: Job, forces: Forces, runs: int) -> Picture:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
         file = save(figure, job.folder, "fig11")
-    caption = words(f"""
+    caption = one_line(f"""
         Largest force that the walk survives in all of {runs} runs, by how long it acts. Left, pushed away
         from the foot in the air; right, towards it. Dotted, the bound for any control with the ankles
         that keeps the torso upright, pushed there and, pale, at the height of the centre of mass. The
-        star is the one point that the paper's text gives of its figure, whose direction it does not tell.""")
+        star is the one point that the paper's text gives of its figure, whose direction it does not give.""")
     return Picture(file, caption, "Force over duration: a curve for each controller, and those of the bound.")
 
 
@@ -131,9 +139,9 @@ def _panel(axes: Axes, forces: Forces, direction: str) -> None:
     durations = [kind.duration_s for kind in kinds]
     tidy(axes)
     for name, bound in (("bound", forces.bound), ("point_mass", forces.point_mass)):
-        axes.plot(durations, [bound[kind] for kind in kinds], **LOOKS[name].line(linewidth=1.6))
+        axes.plot(durations, [bound[kind] for kind in kinds], **STYLES[name].line(linewidth=1.6))
     for name, own in forces.survived.items():
-        axes.plot(durations, [own[kind] for kind in kinds], **LOOKS[name].line())
+        axes.plot(durations, [own[kind] for kind in kinds], **STYLES[name].line())
     star: Any = {"color": INK, "markersize": 9, "linestyle": "none", "zorder": 5}
     axes.plot([0.1], [LARGEST_N], marker="*", label="BiNN in the paper, at most", **star)
     axes.set_title(direction, fontsize=NORMAL)

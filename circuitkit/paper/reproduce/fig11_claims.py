@@ -1,4 +1,4 @@
-"""What the paper says of its Fig. 11, and what we say beyond it, against measured forces."""
+"""Sets what the paper says of its Fig. 11, and what we say beyond it, against measured forces."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from collections.abc import Sequence
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce.finding import Claim, Verdict, agrees, all_hold, reaches
 from circuitkit.paper.reproduce.forces import Forces
-from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, words
+from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
 
 DIRECTIONS = ("outward", "inward")
 IMPROVEMENT, LARGEST_N, BOUND_N = 1.5255, 22.0, 22.48  # the paper's
-WANTED_OF_BOUND, WANTED_OVER_MPC = 0.85, 1.5
+TARGET_OF_BOUND, TARGET_OVER_MPC = 0.85, 1.5
 READ, TUNED, CAPTURE = "binn", "binn_tuned", "binn_capture"
 _IN_WORDS = {READ: "as the paper reads", TUNED: "tuned", CAPTURE: "reading the capture point"}
 _SHORT_S = 0.3
 _TUNED_FOR_S = (0.1, 0.2, 0.4)
 _SOURCE, _BEYOND = "section 5.2", "beyond the paper"
 _KNOWS_MORE = (
-    "It is told the true centre of mass, which this MPC is not; its equal is the MPC that knows it, below."
+    "It reads the true centre of mass, which this MPC is not; its equal is the MPC that knows it, below."
 )
 
 
 def claims_of(forces: Forces, at_com: Forces, runs: int) -> tuple[Claim, ...]:
-    """The rows of Fig. 11.
+    """Judge all claims of Fig. 11.
 
     Args:
         forces: For pushes at the torso, of the contenders binn, binn_tuned, binn_capture, mpc and mpc_full.
@@ -98,9 +98,9 @@ def _largest(forces: Forces, runs: int) -> Claim:
         "The largest force, for 0.1 s, is 22 N",
         f"{LARGEST_N:g} N",
         ", ".join(f"{plain(force)} N {kind.direction}" for kind, force in found.items()),
-        f"{_circuit(forces, TUNED)}, {kinds[0].duration_s:g} s, {runs} runs; the paper tells no direction",
+        f"{_circuit(forces, TUNED)}, {kinds[0].duration_s:g} s, {runs} runs; the paper gives no direction",
         all_hold(*(agrees(force, LARGEST_N, 0.1) is Verdict.HOLDS for force in found.values())),
-        why=words("""
+        why=one_line("""
         Inward, the foot in the air comes down and catches the robot, so that more can be held than on one
         foot; outward the edge of the foot that carries is near."""),
         source=_SOURCE,
@@ -117,7 +117,7 @@ def _bound(forces: Forces, runs: int) -> Claim:
         f"{plain(force)} N, {kind.direction} for {kind.duration_s:g} s",
         f"{_circuit(forces, best)}, the largest force of all, survived in all of {runs} runs",
         all_hold(force <= BOUND_N),
-        why=words("""
+        why=one_line("""
         Eq. 22 is the bound for a push that lasts, at the height of the CoM. A short one ends before the
         capture point has gone far, so that m ω² L / (1 - exp(-ω d)) stands in its place; for long d that
         is eq. 22 with its own distance L."""),
@@ -132,7 +132,7 @@ def _of_bound(forces: Forces, name: str, where: str) -> Claim:
         "-",
         f"{part * 100:.0f} %",
         f"{_circuit(forces, name)} over the DCM bound, mean over 0.1, 0.2, 0.4 s and both directions",
-        reaches(part, WANTED_OF_BOUND),
+        reaches(part, TARGET_OF_BOUND),
         source=_BEYOND,
     )
 
@@ -144,14 +144,14 @@ def _over_mpc_where_tuned(forces: Forces, name: str) -> Claim:
         "-",
         signed_percent(ratio),
         f"{_circuit(forces, name)} over mpc, mean of the ratios over 0.1, 0.2, 0.4 s and both directions",
-        reaches(ratio, WANTED_OVER_MPC),
+        reaches(ratio, TARGET_OVER_MPC),
         why=_KNOWS_MORE if name == CAPTURE else "",
         source=_BEYOND,
     )
 
 
 def tuned_for(kinds: Sequence[PushKind]) -> list[PushKind]:
-    """The pushes with the durations that circuits are tuned for."""
+    """Pick the pushes with the durations that circuits are tuned for."""
     return [kind for kind in kinds if any(math.isclose(kind.duration_s, d) for d in _TUNED_FOR_S)]
 
 

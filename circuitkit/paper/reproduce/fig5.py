@@ -1,8 +1,9 @@
-"""Figure 5: the network, and whether it is the one that section 4.2 describes."""
+"""Makes figure 5, the network, and sees whether it is the one that section 4.2 describes."""
 
 from __future__ import annotations
 
 from collections import Counter
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -23,12 +24,10 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.paper.reproduce.answers import Answers, settled_answers
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Verdict, all_hold
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import words
-
-TITLE = "Figure 5: the network"
-EFFORT = Effort(full_s=4.0, quick_s=4.0)
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import one_line
 
 CIRCUIT = "binn_lateral"
 # Section 4.2 in pairs: who acts on whom. Sensorial inputs are left out.
@@ -57,34 +56,44 @@ _WIDTH, _HEIGHT, _LEFT, _BETWEEN, _TOP, _BOTTOM = 2.0, 1.7, 0.6, 0.2, 0.32, 0.75
 _ON = 0.5
 
 
-def run(job: Job) -> Finding:
-    """Draw the network and what it answers, and hold both against section 4.2."""
-    graph = load_circuit(CIRCUIT)
-    answers = settled_answers(graph, _ZMP_M)
-    for suffix in ("png", "pdf"):
-        draw_circuit(graph, job.folder / f"fig5.{suffix}")
-        save_figure(_answers_figure(graph, answers), job.folder / f"fig5_answers.{suffix}")
-    pictures = (
-        Picture(
-            "fig5.png",
-            "The network of `circuits/binn_lateral.yaml`. Excitatory neurons are round, inhibitory ones have "
-            "eight corners; a line with a bar inhibits.",
-            "Graph of 11 neurons from two inputs on the left to the correction of the ankle on the right",
-        ),
-        Picture(
-            "fig5_answers.png",
-            "What the network answers when the ZMP stands still, for each way of standing. Vertical lines: "
-            "the edges of the support polygon.",
-            "Three panels, one for each way of standing, with the outputs of p1 and p2 over the ZMP",
-        ),
-    )
-    claims = _claims(graph, answers)
-    return Finding(job.figure, TITLE, claims, pictures, text=words(_TEXT), data=_data(graph, answers))
+class Fig5(ReportFigure):
+    """Draws the network and holds it against section 4.2."""
+
+    kind: ClassVar[str] = "fig5"
+    order: ClassVar[int] = 5
+    title: ClassVar[str] = "Figure 5: the network"
+    effort: ClassVar[Effort] = Effort(full_s=4.0, quick_s=4.0)
+
+    def run(self, job: Job) -> Finding:
+        """Draw the network and what it answers, and hold both against section 4.2."""
+        graph = load_circuit(CIRCUIT)
+        answers = settled_answers(graph, _ZMP_M)
+        for suffix in ("png", "pdf"):
+            draw_circuit(graph, job.folder / f"fig5.{suffix}")
+            save_figure(_answers_figure(graph, answers), job.folder / f"fig5_answers.{suffix}")
+        pictures = (
+            Picture(
+                "fig5.png",
+                "The network of `circuits/binn_lateral.yaml`. Excitatory neurons are round, inhibitory ones "
+                "have eight corners; a line with a bar inhibits.",
+                "Graph of 11 neurons from two inputs on the left to the correction of the ankle on the right",
+            ),
+            Picture(
+                "fig5_answers.png",
+                "What the network answers when the ZMP stands still, for each way of standing. Vertical "
+                "lines: the edges of the support polygon.",
+                "Three panels, one for each way of standing, with the outputs of p1 and p2 over the ZMP",
+            ),
+        )
+        claims = _claims(graph, answers)
+        return Finding(
+            job.figure, self.title, claims, pictures, text=one_line(_TEXT), data=_data(graph, answers)
+        )
 
 
 _TEXT = """
 Section 4.2 says in words all that the figure shows. The pairs of neurons that it names are written down in
-`study/reproduce/fig5.py` and compared with those of the circuit file. The neurons of right edges see the
+`paper/reproduce/fig5.py` and compared with those of the circuit file. The neurons of right edges see the
 mirrored ZMP, so that a weight of −1 inhibits them although the paper gives their curves a negative slope: the
 curve is the same.
 """
@@ -146,7 +155,7 @@ def _claims(graph: CircuitGraph, answers: Answers) -> tuple[Claim, ...]:
 
 
 def _inner(graph: CircuitGraph) -> list[tuple[str, str, float]]:
-    """Synapses between neurons: from, to, weight in the unit of the target's activation."""
+    """List the synapses between neurons: from, to, weight in the unit of the target's activation."""
     neurons = {neuron.name for neuron in graph.neurons}
     return [
         (synapse.source, synapse.target, synapse.weight)
@@ -156,7 +165,7 @@ def _inner(graph: CircuitGraph) -> list[tuple[str, str, float]]:
 
 
 def _firing(answers: Answers, standing: str) -> set[str]:
-    """The q that send more than half at a ZMP far outside."""
+    """Find the q that send more than half at a ZMP far outside."""
     return {name for name in GROUPS[1].split() if answers.of(name, standing).max() > _ON}
 
 
@@ -165,7 +174,7 @@ def _which(answers: Answers) -> str:
 
 
 def _edges_m(graph: CircuitGraph, standing: str) -> list[float]:
-    """Where the thresholds of the q that count stand, as places of the ZMP, [m]."""
+    """Find where the thresholds of the q that count stand, as places of the ZMP, [m]."""
     shifts = {
         neuron.name: neuron.parameters["shift"] for neuron in graph.neurons if "shift" in neuron.parameters
     }
@@ -202,7 +211,7 @@ def _answers_figure(graph: CircuitGraph, answers: Answers) -> Figure:
 
 
 def _first(label: str, axes: object) -> str:
-    """The label the first time in these axes, then none."""
+    """Return the label the first time in these axes, then none."""
     return "" if label in axes.get_legend_handles_labels()[1] else label  # type: ignore[attr-defined]
 
 

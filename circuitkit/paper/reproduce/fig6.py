@@ -1,9 +1,9 @@
-"""Figure 6: the neurons' activation functions, and what shift and slope do to one."""
+"""Makes figure 6, the neurons' activation functions, and what shift and slope do to one."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,12 +24,10 @@ from circuitkit.draw.style import (
     save_figure,
     tidy,
 )
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, all_hold
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import words
-
-TITLE = "Figure 6: the activation functions"
-EFFORT = Effort(full_s=4.0, quick_s=4.0)
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import one_line
 
 CIRCUIT = "binn_lateral"
 _SLOPES, _SHIFTS = (5.0, 10.0, 50.0), (0.25, 0.5, 0.75)  # around those of p: 10 and 0.5
@@ -39,37 +37,51 @@ _BEYOND = 0.01  # of the force difference: lf, bf and rf must have changed by th
 _WIDTH, _HEIGHT, _LEFT, _BETWEEN, _TOP, _BOTTOM = 2.6, 1.8, 0.6, 0.5, 0.32, 1.05  # [in]
 
 
-def run(job: Job) -> Finding:
-    """Draw the curves of the circuit's neurons and those of eq. 12, and check what the text says of them."""
-    graph = load_circuit(CIRCUIT)
-    neurons = {neuron.name: neuron for neuron in graph.neurons}
-    for suffix in ("png", "pdf"):
-        draw_activations(graph, job.folder / f"fig6.{suffix}")
-        save_figure(_parameters_figure(neurons["p1"]), job.folder / f"fig6_parameters.{suffix}")
-    pictures = (
-        Picture(
-            "fig6.png",
-            "The curves of the neurons of `circuits/binn_lateral.yaml`; equal ones share a line. A dot "
-            "stands at the shift. The neurons of right edges, q1 and q3, see the mirrored ZMP.",
-            "Output over activation for the four layers of neurons",
-        ),
-        Picture(
-            "fig6_parameters.png",
-            "Eq. 12 with other slopes m (left) and other shifts s (right), around those of p1.",
-            "Sigmoids with three slopes and with three shifts",
-        ),
-    )
-    table = Table(
-        "Output of a q neuron and of the p neuron behind it, by where the ZMP is",
-        ("ZMP", ">q", ">p"),
-        tuple(
-            (_place(inside), f"{q:.3f}", f"{_output(neurons['p1'], q):.3f}")
-            for inside, q in ((inside, _near_edge(neurons["q4"], inside)) for inside in _INSIDE_M)
-        ),
-    )
-    return Finding(
-        job.figure, TITLE, _claims(neurons), pictures, (table,), words(_TEXT), data=_data(graph, neurons)
-    )
+class Fig6(ReportFigure):
+    """Draws the neurons' curves and checks what the text says of them."""
+
+    kind: ClassVar[str] = "fig6"
+    order: ClassVar[int] = 6
+    title: ClassVar[str] = "Figure 6: the activation functions"
+    effort: ClassVar[Effort] = Effort(full_s=4.0, quick_s=4.0)
+
+    def run(self, job: Job) -> Finding:
+        """Draw the curves of the circuit's neurons and those of eq. 12, and check what the text says."""
+        graph = load_circuit(CIRCUIT)
+        neurons = {neuron.name: neuron for neuron in graph.neurons}
+        for suffix in ("png", "pdf"):
+            draw_activations(graph, job.folder / f"fig6.{suffix}")
+            save_figure(_parameters_figure(neurons["p1"]), job.folder / f"fig6_parameters.{suffix}")
+        pictures = (
+            Picture(
+                "fig6.png",
+                "The curves of the neurons of `circuits/binn_lateral.yaml`; equal ones share a line. A dot "
+                "stands at the shift. The neurons of right edges, q1 and q3, see the mirrored ZMP.",
+                "Output over activation for the four layers of neurons",
+            ),
+            Picture(
+                "fig6_parameters.png",
+                "Eq. 12 with other slopes m (left) and other shifts s (right), around those of p1.",
+                "Sigmoids with three slopes and with three shifts",
+            ),
+        )
+        table = Table(
+            "Output of a q neuron and of the p neuron behind it, by where the ZMP is",
+            ("ZMP", ">q", ">p"),
+            tuple(
+                (_place(inside), f"{q:.3f}", f"{_output(neurons['p1'], q):.3f}")
+                for inside, q in ((inside, _near_edge(neurons["q4"], inside)) for inside in _INSIDE_M)
+            ),
+        )
+        return Finding(
+            job.figure,
+            self.title,
+            _claims(neurons),
+            pictures,
+            (table,),
+            one_line(_TEXT),
+            data=_data(graph, neurons),
+        )
 
 
 _TEXT = """
@@ -151,7 +163,7 @@ def _claims(neurons: dict[str, Neuron]) -> tuple[Claim, ...]:
 
 
 def _parameters_figure(neuron: Neuron) -> Figure:
-    """Eq. 12 with other slopes, and with other shifts."""
+    """Draw eq. 12 with other slopes, and with other shifts."""
     own = {name: neuron.parameters[name] for name in ("slope", "shift")}
     with house_style():
         figure = new_figure(_LEFT + 2 * _WIDTH + _BETWEEN + 0.2, _TOP + _HEIGHT + _BOTTOM)

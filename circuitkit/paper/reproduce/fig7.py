@@ -1,16 +1,19 @@
-"""Figure 7: w against the force of a push, by eq. 21 and as measured, with the bounds."""
+"""Makes figure 7, w against the force of a push, by eq. 21 and as measured, with the bounds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
-from circuitkit.biped.gait import design as eq
 from circuitkit.draw.style import (
     EXCITATORY,
     INHIBITORY,
@@ -21,6 +24,7 @@ from circuitkit.draw.style import (
     new_figure,
     plain_legend,
 )
+from circuitkit.paper import equations as eq
 from circuitkit.paper.design import body_of
 from circuitkit.paper.design_figure import design_figure
 from circuitkit.paper.design_sheet import (
@@ -35,32 +39,27 @@ from circuitkit.paper.design_sheet import (
 )
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, agrees, all_hold
 from circuitkit.paper.reproduce.forces import bounds
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import plain, words
-from circuitkit.study import load_study
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import one_line, plain
+from circuitkit.paper.runs import plan_of
+from circuitkit.simulation import Plan
+from circuitkit.study import Results, Study, load_study
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from circuitkit.study import Results, Study
-
-TITLE = "Figure 7: w against the force"
-EFFORT = Effort(full_s=480.0, quick_s=45.0)
 STUDY = "fig7"
 _QUICK: Mapping[str, Any] = {
     "axes": {
         "circuit.w": ["-2.5 deg", "-1.2 deg", "-0.5 deg", "0 deg", "0.5 deg", "1.2 deg", "2.5 deg"],
-        "pushes[0].force": ["4 N", "8 N", "12 N", "16 N", "20 N", "24 N", "28 N"],
+        "push.force": ["4 N", "8 N", "12 N", "16 N", "20 N", "24 N", "28 N"],
     },
     "seeds": {"count": 4},
 }
 
 Array = NDArray[np.float64]
 
-DIRECTION, W, FORCE = "pushes[0].direction", "circuit.w", "pushes[0].force"
+DIRECTION, W, FORCE = "push.direction", "circuit.w", "push.force"
 DIRECTIONS = ("outward", "inward")
 PUSH_N, PUSH_S = 20.0, 0.2  # section 5.2 and Fig. 7
 PAPER_W_RAD, PAPER_EQ_22_N = math.radians(1.63), 22.48
@@ -88,7 +87,7 @@ class Plane:
     point_mass_n: float
 
     def largest_n(self, weight: int) -> float:
-        """The largest force that all runs of a w survived, with every smaller one; 0 if there is none."""
+        """Find the largest force that all runs of a w survived, with every smaller one; 0 if none."""
         fallen = np.flatnonzero(self.share[weight] < 1.0)
         count = fallen[0] if len(fallen) else len(self.forces_n)
         return float(self.forces_n[count - 1]) if count else 0.0
@@ -101,41 +100,51 @@ class Plane:
         )
 
 
-def run(job: Job) -> Finding:
-    """Draw eq. 21 as the paper does, and who survived over the same plane."""
-    sheet = make_sheet(force_n=PUSH_N, duration_s=PUSH_S, gamma=PAPER_GAMMA, step_s=PAPER_STEP_S)
-    study = load_study(STUDY)
-    study = study.with_(_QUICK) if job.quick else study
-    planes = measure(job, study)
-    plan = study.point({}).plan()
-    nao = body_of(plan.robot, plan.walk.gait)
-    pictures = (
-        Picture(
-            save(design_figure(sheet), job.folder, "fig7"),
-            "Left, as in the paper: w by eq. 21 against the force of a push of 0.2 s, with the bound of eq. "
-            "22. Right, what the paper does not show: how the bounds depend on the push's duration.",
-            "Two panels: w over force with the stable region above a line, and force over duration",
-        ),
-        Picture(
-            save(_measured_figure(planes, sheet), job.folder, "fig7_measured"),
-            "Which part of the runs is survived: dark all, white none. Dashed: eq. 21 for either sign of w, "
-            "by which the runs above the upper and below the lower line survive. Upright lines: the bounds "
-            "of eq. 22 and of the DCM, for the push on the torso and for one at the centre of mass.",
-            "Two planes of w and force, for pushes outward and inward, in shades of grey",
-        ),
-    )
-    seeds = study.seeds
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=(*_claims_of_equations(nao), *_claims_of_runs(planes, len(seeds))),
-        pictures=pictures,
-        tables=(_table(planes),),
-        text=words(_TEXT),
-        seeds=f"seeds {seeds[0]} to {seeds[-1]}",
-        studies=(STUDY,),
-        data=_data(sheet, planes, nao),
-    )
+class Fig7(ReportFigure):
+    """Draws w against force by eqs. 21 and 22, and the survival measured over the same plane."""
+
+    kind: ClassVar[str] = "fig7"
+    order: ClassVar[int] = 7
+    title: ClassVar[str] = "Figure 7: w against the force"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
+    effort: ClassVar[Effort] = Effort(full_s=480.0, quick_s=45.0)
+
+    def run(self, job: Job) -> Finding:
+        """Draw eq. 21 as the paper does, and who survived over the same plane."""
+        sheet = make_sheet(force_n=PUSH_N, duration_s=PUSH_S, gamma=PAPER_GAMMA, step_s=PAPER_STEP_S)
+        study = load_study(STUDY)
+        study = study.with_(_QUICK) if job.quick else study
+        plan = plan_of(study)
+        planes = measure(job, study, plan)
+        nao = body_of(plan.robot, plan.body.motion.knowledge.walk.gait)
+        pictures = (
+            Picture(
+                save(design_figure(sheet), job.folder, "fig7"),
+                "Left, as in the paper: w by eq. 21 against the force of a push of 0.2 s, with the bound of "
+                "eq. 22. Right, what the paper does not show: how the bounds depend on the push's duration.",
+                "Two panels: w over force with the stable region above a line, and force over duration",
+            ),
+            Picture(
+                save(_measured_figure(planes, sheet), job.folder, "fig7_measured"),
+                "Which part of the runs is survived: dark all, white none. Dashed: eq. 21 for either sign of "
+                "w, by which the runs above the upper and below the lower line survive. Upright lines: the "
+                "bounds of eq. 22 and of the DCM, for the push on the torso and for one at the centre of "
+                "mass.",
+                "Two planes of w and force, for pushes outward and inward, in shades of grey",
+            ),
+        )
+        seeds = study.seeds
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=(*_claims_of_equations(nao), *_claims_of_runs(planes, len(seeds))),
+            pictures=pictures,
+            tables=(_table(planes),),
+            text=one_line(_TEXT),
+            seeds=f"seeds {seeds[0]} to {seeds[-1]}",
+            studies=self.studies,
+            data=_data(sheet, planes, nao),
+        )
 
 
 _TEXT = """
@@ -146,11 +155,17 @@ on), for both signs of w: positive as eq. 14 is printed, away from the violated 
 """
 
 
-def measure(job: Job, study: Study) -> dict[str, Plane]:
-    """Survival over the plane, and the bounds on the same walk."""
+def measure(job: Job, study: Study, plan: Plan) -> dict[str, Plane]:
+    """Run the study for the survival over the plane, and work out the bounds on the same walk.
+
+    Args:
+        job: Runs the study.
+        study: Its axes are direction, w and force.
+        plan: Of its scenario.
+    """
     results = job.sweep(study)
     kinds = tuple(PushKind(direction, PUSH_S) for direction in DIRECTIONS)
-    upright, point_mass = bounds(study.point({"controller": "open_loop"}).plan(), kinds)
+    upright, point_mass = bounds(plan, kinds)
     return {
         kind.direction: _plane(results, kind.direction, upright[kind], point_mass[kind]) for kind in kinds
     }
@@ -259,7 +274,7 @@ def _claims_of_runs(planes: Mapping[str, Plane], seeds: int) -> Iterator[Claim]:
 
 
 def _survived(planes: Mapping[str, Plane], *, as_printed: bool, stable: bool) -> float:
-    """Part of the runs that are survived on one side of eq. 21, for one sign of w, up to eq. 22."""
+    """Count which part of the runs is survived on one side of eq. 21, for one sign of w, up to eq. 22."""
     mass, height = PAPER_BODY.mass_kg, PAPER_BODY.com_height_m
     found = []
     for plane in planes.values():
@@ -287,7 +302,7 @@ def _table(planes: Mapping[str, Plane]) -> Table:
 
 
 def _measured_figure(planes: Mapping[str, Plane], sheet: Sheet) -> Figure:
-    """One plane a direction: shades of grey for the survived share, with eq. 21 and the bounds."""
+    """Draw a plane for each direction: the survived share in shades of grey, with eq. 21 and the bounds."""
     left, top, between, bar, height, bottom = 0.62, 0.32, 0.22, 0.55, 2.7, 0.85
     width = (WIDTH_IN - left - between - bar - 0.35) / 2
     with house_style():
@@ -339,29 +354,25 @@ def _paint_plane(axes: Axes, plane: Plane, sheet: Sheet) -> Any:  # noqa: ANN401
 
 
 def _greys() -> Any:  # noqa: ANN401 - a colour map
-    """From white to a grey on which lines can be seen."""
-    from matplotlib.colors import LinearSegmentedColormap
-
+    """Make a colour map from white to a grey on which lines can be seen."""
     return LinearSegmentedColormap.from_list("survival", ["#ffffff", "#808080"])
 
 
-def _over_grey(axes: Axes, x: Sequence[float] | Array, y: Sequence[float] | Array, **look: Any) -> None:  # noqa: ANN401
-    """A line with a pale rim, so that it is seen on grey and on white."""
-    from matplotlib.patheffects import Normal, Stroke
-
+def _over_grey(axes: Axes, x: Sequence[float] | Array, y: Sequence[float] | Array, **style: Any) -> None:  # noqa: ANN401
+    """Draw a line with a pale rim, so that it is seen on grey and on white."""
     axes.plot(
         x,
         y,
-        color=look["colour"],
-        linestyle=look["linestyle"],
-        label=look["label"],
+        color=style["colour"],
+        linestyle=style["linestyle"],
+        label=style["label"],
         linewidth=1.5,
         path_effects=[Stroke(linewidth=2.6, foreground="white", alpha=0.75), Normal()],
     )
 
 
 def _edges(values: Array) -> Array:
-    """Edges of cells around ascending values: halfway between them."""
+    """Place the edges of cells halfway between ascending values."""
     middle = (values[1:] + values[:-1]) / 2
     return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 

@@ -1,9 +1,10 @@
-"""Figure 8 and section 5.1: the computation time of a step."""
+"""Makes figure 8 with the claims of section 5.1, the computation time of a step."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from matplotlib.figure import Figure
 
@@ -20,9 +21,10 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, all_hold
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import plain, words
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import one_line, plain
 from circuitkit.paper.reproduce.timing import (
     Times,
     mpc_solves,
@@ -31,9 +33,6 @@ from circuitkit.paper.reproduce.timing import (
     time_in_turns,
 )
 from circuitkit.simulation import load_scenario, make_plan
-
-TITLE = "Figure 8: computation time"
-EFFORT = Effort(full_s=120.0, quick_s=12.0)
 
 CIRCUIT, SCENARIO, MPC = "binn_lateral", "nao_push", "mpc"
 RUNS = 20  # section 5.1
@@ -71,38 +70,48 @@ QUOTED = (
 )
 
 
-def run(job: Job) -> Finding:
-    """Time the network's step and the MPC's solve in turns, then whole controllers in the loop."""
-    plan = make_plan(load_scenario(SCENARIO))
-    steps, solves = (QUICK_STEPS, QUICK_SOLVES) if job.quick else (STEPS, SOLVES)
-    job.say(f"timing {RUNS} runs of {steps} steps and {solves} solves")
-    alone = time_in_turns(
-        {
-            "compiled": (network_steps(CIRCUIT, "compiled"), steps),
-            "numpy": (network_steps(CIRCUIT, "numpy"), steps),
-            "solve": (mpc_solves(MPC, plan), solves),
-        },
-        RUNS,
-    )
-    seeds = QUICK_LOOP_SEEDS if job.quick else LOOP_SEEDS
-    job.say("timing controllers in the loop")
-    loop = time_in_the_loop(plan, ("circuit", "mpc", "mpc_full", "dcm_ankle"), seeds)
-    file = save(_figure(_bars(alone)), job.folder, "fig8")
-    caption = (
-        "Computation time of a step, on a logarithmic scale. Dark: measured on one core of the machine that "
-        "made this report. Pale: as the paper quotes it, from other machines and for other tasks."
-    )
-    picture = Picture(file, caption, "Bars of computation times from a microsecond to a third of a second")
-    return Finding(
-        job.figure,
-        TITLE,
-        _claims(alone),
-        (picture,),
-        (_table_alone(alone), _table_loop(loop, len(seeds))),
-        words(_TEXT),
-        f"inputs and states from seed 0; in the loop seeds {seeds[0]} to {seeds[-1]}",
-        data={"alone": _data(alone), "in_the_loop": _data(loop), "runs": RUNS},
-    )
+class Fig8(ReportFigure):
+    """Times a step of the network, beside a solve of the MPC."""
+
+    kind: ClassVar[str] = "fig8"
+    order: ClassVar[int] = 8
+    title: ClassVar[str] = "Figure 8: computation time"
+    effort: ClassVar[Effort] = Effort(full_s=120.0, quick_s=12.0)
+
+    def run(self, job: Job) -> Finding:
+        """Time the network's step and the MPC's solve in turns, then whole controllers in the loop."""
+        plan = make_plan(load_scenario(SCENARIO))
+        steps, solves = (QUICK_STEPS, QUICK_SOLVES) if job.quick else (STEPS, SOLVES)
+        job.log(f"timing {RUNS} runs of {steps} steps and {solves} solves")
+        alone = time_in_turns(
+            {
+                "compiled": (network_steps(CIRCUIT, "compiled"), steps),
+                "numpy": (network_steps(CIRCUIT, "numpy"), steps),
+                "solve": (mpc_solves(MPC, plan), solves),
+            },
+            RUNS,
+        )
+        seeds = QUICK_LOOP_SEEDS if job.quick else LOOP_SEEDS
+        job.log("timing controllers in the loop")
+        loop = time_in_the_loop(plan, ("circuit", "mpc", "mpc_full", "dcm_ankle"), seeds)
+        file = save(_figure(_bars(alone)), job.folder, "fig8")
+        caption = (
+            "Computation time of a step, on a logarithmic scale. Dark: measured on one core of the machine "
+            "that made this report. Pale: as the paper quotes it, from other machines and for other tasks."
+        )
+        picture = Picture(
+            file, caption, "Bars of computation times from a microsecond to a third of a second"
+        )
+        return Finding(
+            job.figure,
+            self.title,
+            _claims(alone),
+            (picture,),
+            (_table_alone(alone), _table_loop(loop, len(seeds))),
+            one_line(_TEXT),
+            f"inputs and states from seed 0; in the loop seeds {seeds[0]} to {seeds[-1]}",
+            data={"alone": _data(alone), "in_the_loop": _data(loop), "runs": RUNS},
+        )
 
 
 _TEXT = """
@@ -237,7 +246,7 @@ _SLOWER = (
 
 
 def _percent(seconds: float) -> str:
-    """Part of the control step."""
+    """Write a time as a part of the control step."""
     return f"{plain(100 * seconds / CONTROL_STEP_S, 2)} %"
 
 

@@ -1,18 +1,20 @@
-"""Fig. 9: the centre of mass leaves its limit cycle when it is pushed, and returns to it."""
+"""Makes figure 9: the centre of mass leaves its limit cycle when it is pushed, and returns to it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import CYCLE, PUSH_FILL, PUSHED, WIDTH_IN, label_of, save
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import count, spread, words
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import count, median_range, one_line
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,
@@ -20,51 +22,55 @@ from circuitkit.paper.reproduce.pushed_walk import (
     record_pushed_walk,
     time_to_limit_cycle_s,
 )
-from circuitkit.study import load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.study import Share
+from circuitkit.study import Share, load_study
 
 Array = NDArray[np.float64]
 
-TITLE = "Figure 9: trajectory of the centre of mass"
-EFFORT = Effort(full_s=35.0, quick_s=15.0)
 STUDY = "fig9"
 _MM = 1e3
 _BEFORE_S = 2.2  # two double steps of the limit cycle are drawn
 _FELL_IN_PAPER = ("open_loop", "mpc")
 
 
-def run(job: Job) -> Finding:
-    """Push the walk with 20 N for 0.2 s under several controllers; draw it under the BiNN and without."""
-    seeds = QUICK_SEEDS if job.quick else SEEDS
-    study = load_study(STUDY).with_({"seeds": {"first": seeds.start, "count": len(seeds)}})
-    shares = {str(share.labels["contender"]): share for share in job.sweep(study, apart="contender").shares()}
-    walk = record_pushed_walk("circuit", seeds)
-    returned = time_to_limit_cycle_s(walk)
-    picture = _draw(job, walk, record_pushed_walk("open_loop", seeds[:1]))
-    text = words(f"""
-        The scenario `nao_push` is the paper's first simulation study: a push of 20 N for 0.2 s, sideways,
-        in the movement *lift* of single support. Under the BiNN {spread(returned, "s")} pass from the
-        push until the centre of mass stays within 5 mm of its limit cycle, in the plane of position and
-        velocity/ω; the cycle is the mean of the double steps before the push.""")
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=_claims(shares, returned),
-        pictures=(picture,),
-        tables=(_table(shares),),
-        text=text,
-        seeds=f"seeds {seeds[0]} to {seeds[-1]}; the picture is of seed {seeds[0]}",
-        studies=(STUDY,),
-        data={
-            "stood": {name: share.survived for name, share in shares.items()},
-            "runs": {name: share.runs for name, share in shares.items()},
-            "time_to_limit_cycle_s": returned,
-        },
-    )
+class Fig9(ReportFigure):
+    """Pushes with 20 N for 0.2 s: who stands, and how the centre of mass returns to its limit cycle."""
+
+    kind: ClassVar[str] = "fig9"
+    order: ClassVar[int] = 9
+    title: ClassVar[str] = "Figure 9: trajectory of the centre of mass"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
+    effort: ClassVar[Effort] = Effort(full_s=35.0, quick_s=15.0)
+
+    def run(self, job: Job) -> Finding:
+        """Push the walk with 20 N for 0.2 s under several controllers; draw it under the BiNN and without."""
+        seeds = QUICK_SEEDS if job.quick else SEEDS
+        study = load_study(STUDY).with_({"seeds": {"first": seeds.start, "count": len(seeds)}})
+        shares = {
+            str(share.labels["contender"]): share for share in job.sweep(study, apart="contender").shares()
+        }
+        walk = record_pushed_walk("circuit", seeds)
+        returned = time_to_limit_cycle_s(walk)
+        picture = _draw(job, walk, record_pushed_walk("open_loop", seeds[:1]))
+        text = one_line(f"""
+            The scenario `nao_push` is the paper's first simulation study: a push of 20 N for 0.2 s, sideways,
+            in the movement *lift* of single support. Under the BiNN {median_range(returned, "s")} pass from
+            the push until the centre of mass stays within 5 mm of its limit cycle, in the plane of position
+            and velocity/ω; the cycle is the mean of the double steps before the push.""")
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=_claims(shares, returned),
+            pictures=(picture,),
+            tables=(_table(shares),),
+            text=text,
+            seeds=f"seeds {seeds[0]} to {seeds[-1]}; the picture is of seed {seeds[0]}",
+            studies=self.studies,
+            data={
+                "stood": {name: share.survived for name, share in shares.items()},
+                "runs": {name: share.runs for name, share in shares.items()},
+                "time_to_limit_cycle_s": returned,
+            },
+        )
 
 
 def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tuple[Claim, ...]:
@@ -103,7 +109,7 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
             f"stands in {count(shares['binn'].survived, shares['binn'].runs)} runs",
             f"{push}; circuit binn_lateral, all numbers as the paper reads",
             _stands(shares["binn"]),
-            why=words("""
+            why=one_line("""
             Eq. 21 takes the ankle's angle for a shift of the CoM. Here the foot's edge limits the torque
             and decides the sign of the correction, and an angle that adds up in each step needs a smaller
             w. The tuned circuit has the same neurons and synapses with other numbers."""),
@@ -112,7 +118,7 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
         Claim(
             "The CoM returns to its limit cycle",
             "returns",
-            f"returns in {count(back, len(returned))} runs, after {spread(returned, 's')}",
+            f"returns in {count(back, len(returned))} runs, after {median_range(returned, 's')}",
             "CoM (y, velocity/ω) stays within 5 mm of its mean cycle before; circuit binn_lateral_tuned",
             _all_or_some(back, len(returned)),
             source="Fig. 9",
@@ -157,7 +163,7 @@ def _draw(job: Job, held: PushedWalk, fallen: PushedWalk) -> Picture:
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
         file = save(figure, job.folder, "fig9")
     ending = "leaves it" if fallen.survived[0] else "falls"
-    caption = words(f"""
+    caption = one_line(f"""
         Position and velocity of the centre of mass to the side, from the middle between the feet, left is
         positive: before the push (grey) and from it on (dark). Left, held by the BiNN; right, the same
         push in open loop, cut off at the frame where it {ending}.""")
@@ -166,10 +172,9 @@ def _draw(job: Job, held: PushedWalk, fallen: PushedWalk) -> Picture:
 
 
 def _phase(axes: Axes, walk: PushedWalk, title: str) -> None:
-    recording = walk.recording
     start, end = walk.push_s(0)
-    time = recording.time_s
-    y, v = recording.com_m[:, 0, 1] * _MM, recording.com_velocity[:, 0, 1] * _MM
+    time = walk.recording.time_s
+    y, v = walk.view.com_m[:, 0, 1] * _MM, walk.view.com_velocity[:, 0, 1] * _MM
     before = (time > start - _BEFORE_S) & (time <= start)
     after = (time >= start) & (np.arange(len(time)) < walk.end_tick(0))
     axes.set_title(title, fontsize=NORMAL)
@@ -189,7 +194,7 @@ def _phase(axes: Axes, walk: PushedWalk, title: str) -> None:
 
 
 def _arrows(axes: Axes, y: Array, v: Array) -> None:
-    """The direction of time, along the first second after the push."""
+    """Mark the direction of time along the first second after the push."""
     head = {"arrowstyle": "-|>", "color": PUSHED, "mutation_scale": 11, "shrinkA": 0, "shrinkB": 0}
     for tick in (12, 38, 64):
         if tick + 1 < len(y):
@@ -204,11 +209,11 @@ def _arrows(axes: Axes, y: Array, v: Array) -> None:
 
 
 def _limits(walk: PushedWalk) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Around all that the held walk did after it had settled, with a margin."""
+    """Fit limits around all that the held walk did after it had settled, with a margin."""
     start = walk.push_s(0)[0]
     seen = walk.recording.time_s > start - _BEFORE_S
     found = []
-    for values in (walk.recording.com_m, walk.recording.com_velocity):
+    for values in (walk.view.com_m, walk.view.com_velocity):
         low, high = (float(end(values[seen, 0, 1])) * _MM for end in (np.min, np.max))
         found.append((low - 0.12 * (high - low), high + 0.12 * (high - low)))
     return found[0], found[1]

@@ -1,4 +1,4 @@
-"""What a figure of the report consists of: pictures, rows of the table of claims, a text, and its numbers."""
+"""Holds what a figure of the report consists of: pictures, claims, tables, a text, and its numbers."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Finding:
 
     @staticmethod
     def load(folder: Path) -> tuple[Finding, dict[str, Any]] | None:
-        """The finding of a folder and its stamp; None if there is none, or its pictures are not all there."""
+        """Read the finding of a folder and its stamp; None without one, or without all of its pictures."""
         try:
             content = json.loads((folder / FINDING_FILE).read_text(encoding="utf-8"))
             finding = _finding(content["finding"])
@@ -148,7 +148,7 @@ def _finding(raw: Mapping[str, Any]) -> Finding:
 
 
 def _for_json(value: Any) -> Any:  # noqa: ANN401 - any tree of JSON
-    """The same tree with null for numbers that are not finite, and plain numbers for numpy's."""
+    """Copy a tree with null for numbers that are not finite, and plain numbers for numpy's."""
     if isinstance(value, Mapping):
         return {str(key): _for_json(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -159,7 +159,7 @@ def _for_json(value: Any) -> Any:  # noqa: ANN401 - any tree of JSON
 
 
 def agrees(ours: float | None, paper: float, within: float) -> Verdict:
-    """Whether a number is the paper's: it holds within a part of it, in part within three times that.
+    """Judge whether a number is the paper's: it holds within a part of it, in part within three times that.
 
     Args:
         ours: What was measured; None or not a number if it could not be.
@@ -172,22 +172,22 @@ def agrees(ours: float | None, paper: float, within: float) -> Verdict:
     return Verdict.HOLDS if off <= within else Verdict.PARTLY if off <= 3 * within else Verdict.FAILS
 
 
-def reaches(ours: float | None, wanted: float, at_least: float = math.inf) -> Verdict:
-    """Whether a number is as large as claimed: it holds from `wanted` on, in part above `at_least`.
+def reaches(ours: float | None, target: float, at_least: float = math.inf) -> Verdict:
+    """Judge whether a number is as large as claimed: it holds from `target` on, in part above `at_least`.
 
     Args:
         ours: What was measured; None or not a number if it could not be.
-        wanted: What is claimed, in the same unit.
+        target: What is claimed, in the same unit.
         at_least: What still speaks for the claim, such as 1 for a ratio that is claimed to be 1.5; nothing by
             default.
     """
     if ours is None or math.isnan(ours):
         return Verdict.FAILS
-    if ours >= wanted:
+    if ours >= target:
         return Verdict.HOLDS
     return Verdict.PARTLY if ours > at_least else Verdict.FAILS
 
 
 def all_hold(*parts: bool) -> Verdict:
-    """Whether several things that a claim says are so: all, some or none of them."""
+    """Judge whether all, some or none of several things that a claim says are so."""
     return Verdict.HOLDS if all(parts) else Verdict.PARTLY if any(parts) else Verdict.FAILS

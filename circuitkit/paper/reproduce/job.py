@@ -1,4 +1,4 @@
-"""How a figure is made: where it may write, how fine it shall be, and how it runs its studies."""
+"""Describes how a figure is made: where it may write, how fine it shall be, and how it runs its studies."""
 
 from __future__ import annotations
 
@@ -6,24 +6,9 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
 
-if TYPE_CHECKING:
-    from circuitkit.paper.reproduce.finding import Finding
-    from circuitkit.study import Pool, Results, Study
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How long a figure takes on two cores, about; for the remaining time.
-
-    Attributes:
-        full_s: In full, [s].
-        quick_s: With --quick, [s].
-    """
-
-    full_s: float
-    quick_s: float
+from circuitkit.study import Results, Study, Workers, open_workers, sweep
+from circuitkit.study.store import OtherStudyError
 
 
 def _silent(_: str) -> None:
@@ -40,7 +25,7 @@ class Job:
         quick: Coarser: fewer seeds, coarser grids, fewer cells.
         workers: Processes for the studies; None for one a processor.
         progress: Show a bar on a terminal.
-        say: Is told a line at a time what is going on.
+        log: Receives a line at a time about what is going on.
     """
 
     figure: str
@@ -48,7 +33,7 @@ class Job:
     quick: bool = False
     workers: int | None = None
     progress: bool = False
-    say: Callable[[str], object] = _silent
+    log: Callable[[str], object] = _silent
 
     def sweep(self, study: Study, name: str = "", *, apart: str = "") -> Results:
         """Run a study, or what is left of it.
@@ -64,36 +49,21 @@ class Job:
         Raises:
             CircuitkitError: As of `sweep`.
         """
-        from circuitkit.study import Results, open_pool
-
         folder = self.folder / ("quick" if self.quick else "full") / (name or study.name)
-        with open_pool(self.workers) as pool:
+        with open_workers(self.workers) as workers:
             if not apart:
-                return self._sweep(study, folder, pool)
+                return self._sweep(study, folder, workers)
             parts = [study.with_({"axes": {apart: [value.text]}}) for value in study.axes[apart]]
             done = [
-                self._sweep(part, folder / value.text, pool)
+                self._sweep(part, folder / value.text, workers)
                 for part, value in zip(parts, study.axes[apart], strict=True)
             ]
         return Results(study, tuple(row for results in done for row in results.rows))
 
-    def _sweep(self, study: Study, folder: Path, pool: Pool) -> Results:
-        from circuitkit.study import sweep
-        from circuitkit.study.store import OtherStudyError
-
+    def _sweep(self, study: Study, folder: Path, workers: Workers) -> Results:
         try:
-            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
+            return sweep(study, folder, workers=workers, resume=True, progress=self.progress)
         except OtherStudyError:
-            self.say(f"{self.figure}: the runs in '{folder}' are of other files; they are made anew")
+            self.log(f"{self.figure}: the runs in '{folder}' are of other files; they are made anew")
             shutil.rmtree(folder)
-            return sweep(study, folder, pool=pool, resume=True, progress=self.progress)
-
-
-class FigureModule(Protocol):
-    """What every module of a figure has; `registry.FIGURES` lists them."""
-
-    TITLE: str
-    EFFORT: Effort
-
-    def run(self, job: Job) -> Finding:
-        """Make the figure: draw its pictures into `job.folder`, and tell what was found."""
+            return sweep(study, folder, workers=workers, resume=True, progress=self.progress)

@@ -1,4 +1,4 @@
-"""Numbers in words, as texts, tables and claims of the report have them."""
+"""Writes numbers as texts, tables and claims of the report have them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 
-def words(text: str) -> str:
-    """A text that is broken into lines for the eyes of who writes it, in one line."""
+def one_line(text: str) -> str:
+    """Join a text that is broken into lines in its source into one line."""
     return " ".join(text.split())
 
 
-def spread(values: Sequence[float | None], unit: str, digits: int = 2) -> str:
-    """Median and range, such as `0.03 s (0.01 to 0.35 s)`; says how many there are none of.
+def median_range(values: Sequence[float | None], unit: str, digits: int = 2) -> str:
+    """Write median and range, such as `0.03 s (0.01 to 0.35 s)`, and how many values there are if some lack.
 
     Args:
         values: None where there is no value.
@@ -30,7 +30,7 @@ def spread(values: Sequence[float | None], unit: str, digits: int = 2) -> str:
 
 
 def plain(value: float | None, digits: int = 3) -> str:
-    """A number with so many significant digits, never in powers of ten; `-` for none."""
+    """Write a number with so many significant digits, never in powers of ten; `-` for none."""
     if value is None or math.isnan(value):
         return "-"
     if math.isinf(value):
@@ -42,10 +42,10 @@ def plain(value: float | None, digits: int = 3) -> str:
 
 
 def signed_percent(ratio: float) -> str:
-    """How much more or less than one, such as `+52.6 %`."""
+    """Write how much more or less than one a ratio is, such as `+52.6 %`."""
     return "-" if math.isnan(ratio) else f"{(ratio - 1) * 100:+.1f} %".replace("-", "\N{MINUS SIGN}")
 
 
 def count(stood: int, runs: int) -> str:
-    """Such as `20 of 20`."""
+    """Write how many of all, such as `20 of 20`."""
     return f"{stood} of {runs}"

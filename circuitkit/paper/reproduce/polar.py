@@ -1,12 +1,14 @@
-"""Pushes from all around: the largest force that is survived, by its direction (section 6's outlook)."""
+"""Makes the figure of pushes from all around, by the direction of the force (section 6's outlook)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from circuitkit.draw.style import (
@@ -22,37 +24,31 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.paper.push_bounds import BoundsAround, dcm_bounds_around
-from circuitkit.paper.reproduce.drawing import LOOKS, WIDTH_IN, Look, save
+from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, LineStyle, save
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
 from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bounds, by_contender
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, words
-from circuitkit.study import load_study
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from circuitkit.study import Study
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
+from circuitkit.paper.runs import plan_of
+from circuitkit.study import Study, load_study
 
 Array = NDArray[np.float64]
 
-TITLE = "Pushes from all directions"
-EFFORT = Effort(full_s=700.0, quick_s=90.0)
 STUDY, SAGITTAL, LATERAL = "polar", "sagittal", "planar_lateral"
 OPEN, PLANAR, OMNI = "open_loop", "binn_planar_tuned", "binn_omnidirectional_tuned"
 OUTLINE_RAD = np.radians(np.arange(360))
-WANTED = 0.95  # of the lateral network's force, that the planar one shall keep
+TARGET = 0.95  # of the lateral network's force, that the planar one shall keep
 _BEYOND = "beyond the paper (section 6)"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 3}, "search": {"step": "2 N", "check_below": 0}}
 _QUICK_AROUND: Mapping[str, Any] = {DIRECTION: [f"{angle} deg" for angle in range(0, 360, 30)]}
 _QUICK_LINES: Mapping[str, Any] = {DURATION: ["0.2 s"]}
-_LOOKS: Mapping[str, Look] = {
-    "point_mass": LOOKS["point_mass"],
-    "bound": LOOKS["bound"],
-    OPEN: LOOKS[OPEN],
-    PLANAR: Look("planar circuit (2 networks)", EXCITATORY, "-", "s"),
-    OMNI: Look("omnidirectional circuit (3 networks)", INHIBITORY, (0, (3, 1.5)), "D", filled=False),
+_STYLES: Mapping[str, LineStyle] = {
+    "point_mass": STYLES["point_mass"],
+    "bound": STYLES["bound"],
+    OPEN: STYLES[OPEN],
+    PLANAR: LineStyle("planar circuit (2 networks)", EXCITATORY, "-", "s"),
+    OMNI: LineStyle("omnidirectional circuit (3 networks)", INHIBITORY, (0, (3, 1.5)), "D", filled=False),
 }
 _NAMES = {
     "binn": "binn_sagittal, as the paper reads",
@@ -81,47 +77,61 @@ class Around:
     duration_s: float
 
     def ratio(self, contender: str) -> float:
-        """Mean of the force over that in open loop, where the open loop survives any."""
+        """Take the mean of the force over that in open loop, where the open loop survives any."""
         there = self.survived[OPEN] > 0
         return float((self.survived[contender][there] / self.survived[OPEN][there]).mean())
 
     def of_bound(self, contender: str) -> float:
-        """Mean of the part of the bound that is reached, for a torso that stays upright."""
+        """Take the mean of the part of the bound that is reached, for a torso that stays upright."""
         return float((self.survived[contender] / self.bounds.upright_n).mean())
 
     def not_worse(self, contender: str) -> int:
-        """In how many directions it survives as much as the open loop, or more."""
+        """Count the directions in which it survives as much as the open loop, or more."""
         return int((self.survived[contender] >= self.survived[OPEN]).sum())
 
 
-def run(job: Job) -> Finding:
-    """Search the boundary in each direction, and along x and y that of the networks for one direction."""
-    study = _study(job, STUDY, _QUICK_AROUND)
-    around = measure(job, study)
-    ahead = _along(job, SAGITTAL, {**_QUICK_LINES, "gait": ["gait_march"]}, {"gait": ["gait_march"]})
-    sides = _along(job, LATERAL, _QUICK_LINES)
-    runs = len(study.seeds)
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=_claims(around, ahead, sides, runs),
-        pictures=(_draw(job, around, runs),),
-        tables=(
-            _table(around),
-            _line_table(ahead, "Largest force survived in all runs, to the front and to the back [N]"),
-            _line_table(sides, "Largest force survived in all runs, to the side [N]"),
-        ),
-        text=_text(around, study),
-        seeds=f"seeds {study.seeds[0]} to {study.seeds[-1]}",
-        studies=(STUDY, SAGITTAL, LATERAL),
-        data={
-            "direction_deg": np.degrees(around.angles_rad).round(9),
-            "largest_survived_n": around.survived,
-            "bound_torso_upright_n": around.bounds.upright_n,
-            "bound_point_mass_n": around.bounds.point_mass_n,
-            "duration_s": around.duration_s,
-        },
-    )
+class Polar(ReportFigure):
+    """Searches the force survived from 24 directions; forward and to the side over durations."""
+
+    kind: ClassVar[str] = "polar"
+    order: ClassVar[int] = 20
+    title: ClassVar[str] = "Pushes from all directions"
+    studies: ClassVar[tuple[str, ...]] = (STUDY, SAGITTAL, LATERAL)
+    effort: ClassVar[Effort] = Effort(full_s=700.0, quick_s=90.0)
+
+    def run(self, job: Job) -> Finding:
+        """Search the boundary in each direction, and along x and y that of the networks for one direction."""
+        study = _study(job, STUDY, _QUICK_AROUND)
+        around = measure(job, study)
+        ahead = _along(
+            job,
+            SAGITTAL,
+            {**_QUICK_LINES, "reference.gait": ["gait_march"]},
+            {"reference.gait": ["gait_march"]},
+        )
+        sides = _along(job, LATERAL, _QUICK_LINES)
+        runs = len(study.seeds)
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=_claims(around, ahead, sides, runs),
+            pictures=(_draw(job, around, runs),),
+            tables=(
+                _table(around),
+                _line_table(ahead, "Largest force survived in all runs, to the front and to the back [N]"),
+                _line_table(sides, "Largest force survived in all runs, to the side [N]"),
+            ),
+            text=_text(around, study),
+            seeds=f"seeds {study.seeds[0]} to {study.seeds[-1]}",
+            studies=self.studies,
+            data={
+                "direction_deg": np.degrees(around.angles_rad).round(9),
+                "largest_survived_n": around.survived,
+                "bound_torso_upright_n": around.bounds.upright_n,
+                "bound_point_mass_n": around.bounds.point_mass_n,
+                "duration_s": around.duration_s,
+            },
+        )
 
 
 def _study(
@@ -134,16 +144,15 @@ def _study(
 
 
 def measure(job: Job, study: Study) -> Around:
-    """The largest survived force of all contenders in all directions, and the bound on the same walk."""
+    """Search the largest survived force of all contenders in all directions, with the bound."""
     forces: dict[str, dict[float, float]] = {}
     for limit in job.sweep(study, apart="contender").limits():
         angle = float(str(limit.labels[DIRECTION]))
         forces.setdefault(str(limit.labels["contender"]), {})[angle] = limit.largest
     angles = np.array(sorted(next(iter(forces.values()))))
     survived = {name: np.array([found[angle] for angle in angles]) for name, found in forces.items()}
-    point = study.point({"controller": OPEN})
-    duration = point.scenario.pushes[0].duration
-    plan = point.plan()
+    plan = plan_of(study)
+    duration = plan.scenario.pushes[0].duration
     outline = dcm_bounds_around(plan, OUTLINE_RAD, duration)
     return Around(angles, survived, dcm_bounds_around(plan, angles, duration), outline, duration)
 
@@ -151,10 +160,10 @@ def measure(job: Job, study: Study) -> Around:
 def _along(
     job: Job, name: str, quick_axes: Mapping[str, Any], axes: Mapping[str, Any] | None = None
 ) -> Forces:
-    """The same along one axis, over durations."""
+    """Search the same along one axis, over durations."""
     study = _study(job, name, quick_axes, axes)
     survived = by_contender(job.sweep(study, apart="contender").limits())
-    plan = study.point_of(study.cells[0]).plan()
+    plan = plan_of(study, study.cells[0].settings)
     return Forces(survived, *bounds(plan, next(iter(survived.values()))))
 
 
@@ -189,14 +198,14 @@ def _claims(around: Around, ahead: Forces, sides: Forces, runs: int) -> tuple[Cl
             "-",
             signed_percent(kept),
             f"binn_planar_tuned over the lateral circuit in it alone; {how} durations and both directions",
-            reaches(kept, WANTED),
+            reaches(kept, TARGET),
             source=_BEYOND,
         ),
     )
 
 
 def _gain(claim: str, contender: str, around: Around, how: str) -> Claim:
-    """A gain on average; all directions are claimed, so one worse than the open loop is one too many."""
+    """Judge a gain on average; all directions are claimed, so one worse than the open loop is too many."""
     ratio, directions = around.ratio(contender), len(around.angles_rad)
     worse = directions - around.not_worse(contender)
     ours = f"{signed_percent(ratio)} over open loop; {around.of_bound(contender) * 100:.0f} % of the bound"
@@ -209,7 +218,7 @@ def _gain(claim: str, contender: str, around: Around, how: str) -> Claim:
 def _text(around: Around, study: Study) -> str:
     seeds = len(study.seeds)
     step = study.search.step if study.search is not None else ""
-    return words(f"""
+    return one_line(f"""
         A push at the torso for {around.duration_s:g} s begins in *lift* while the left foot carries, marching
         on the spot, from {len(around.angles_rad)} directions: 0° is forward, 90° to the left, which is away
         from the foot in the air. A force counts as survived if the robot stands 5 s after the push in all
@@ -230,7 +239,7 @@ def _table(around: Around) -> Table:
         for i, angle in enumerate(around.angles_rad)
     )
     names = [*around.survived, "bound", "point_mass"]
-    headings = ("direction", *(f">{_LOOKS[name].label}" for name in names))
+    headings = ("direction", *(f">{_STYLES[name].label}" for name in names))
     return Table(
         f"Largest force survived in all runs for {around.duration_s:g} s, by direction [N]", headings, rows
     )
@@ -241,7 +250,7 @@ def _line_table(forces: Forces, caption: str) -> Table:
         (_NAMES.get(name, name), *(plain(own[kind]) for kind in forces.kinds))
         for name, own in forces.survived.items()
     ]
-    rows.append((_LOOKS["bound"].label, *(plain(forces.bound[kind]) for kind in forces.kinds)))
+    rows.append((_STYLES["bound"].label, *(plain(forces.bound[kind]) for kind in forces.kinds)))
     headings = ("", *(f">{kind.direction} {kind.duration_s:g} s" for kind in forces.kinds))
     return Table(caption, headings, tuple(rows))
 
@@ -249,7 +258,7 @@ def _line_table(forces: Forces, caption: str) -> Table:
 def _draw(job: Job, around: Around, runs: int) -> Picture:
     with house_style():
         file = save(figure_of(around), job.folder, "polar")
-    caption = words(f"""
+    caption = one_line(f"""
         Left, the largest force that the walk survives in all of {runs} runs, by the direction of the push,
         {around.duration_s:g} s long, seen from above while the left foot carries; dotted, the bound for any
         control with the ankles that keeps the torso upright, pushed there and, pale, at the height of the
@@ -260,7 +269,7 @@ def _draw(job: Job, around: Around, runs: int) -> Picture:
 
 
 def figure_of(around: Around) -> Figure:
-    """The forces around the robot, and the same as parts of the bound."""
+    """Draw the forces around the robot, and the same as parts of the bound."""
     figure = new_figure(WIDTH_IN, 4.35)
     polar: Any = figure.add_axes((0.045, 0.2, 0.42, 0.695), projection="polar")
     share = figure.add_axes((0.6, 0.25, 0.385, 0.6))
@@ -272,13 +281,13 @@ def figure_of(around: Around) -> Figure:
 
 
 def _polar(axes: Any, around: Around) -> None:  # noqa: ANN401 - matplotlib does not type polar axes
-    """Forces around the robot, forward up and left at the left."""
+    """Draw forces around the robot, forward up and left at the left."""
     axes.set_theta_zero_location("N")
     axes.set_axisbelow(True)
     curves = _curves(around)
     for name, (angles, values) in curves.items():
         closed = np.append(angles, angles[0]), np.append(values, values[0])
-        axes.plot(*closed, **_LOOKS[name].line(markersize=3.2, linewidth=1.2))
+        axes.plot(*closed, **_STYLES[name].line(markersize=3.2, linewidth=1.2))
     largest = max(float(values.max()) for _, values in curves.values())
     rings = np.arange(10, largest, 10)
     axes.set_rlim(0, largest * 1.03)
@@ -300,7 +309,7 @@ def _direction(angle_deg: int) -> str:
 
 
 def _curves(around: Around) -> dict[str, tuple[Array, Array]]:
-    """Angles and forces by name."""
+    """Collect angles and forces by name."""
     edges = {"bound": around.outline.upright_n, "point_mass": around.outline.point_mass_n}
     return {name: (OUTLINE_RAD, values) for name, values in edges.items()} | {
         name: (around.angles_rad, values) for name, values in around.survived.items()
@@ -308,12 +317,12 @@ def _curves(around: Around) -> dict[str, tuple[Array, Array]]:
 
 
 def _shares(axes: Axes, around: Around) -> None:
-    """Parts of the bound over the direction."""
+    """Draw parts of the bound over the direction."""
     tidy(axes)
     degrees = np.degrees(around.angles_rad)
-    axes.axhline(100.0, **{**_LOOKS["bound"].line(), "label": "_"})
+    axes.axhline(100.0, **{**_STYLES["bound"].line(), "label": "_"})
     for name, values in around.survived.items():
-        axes.plot(degrees, values / around.bounds.upright_n * 100, **_LOOKS[name].line(markersize=3.2))
+        axes.plot(degrees, values / around.bounds.upright_n * 100, **_STYLES[name].line(markersize=3.2))
     axes.set(xlim=(-5, 350), ylim=(0, None), xticks=range(0, 360, 90))
     axes.set_xticklabels([_direction(angle).replace("-\n", "") for angle in range(0, 360, 90)])
     axes.set_xlabel("direction of the push", fontsize=NORMAL - 1, color=INK)

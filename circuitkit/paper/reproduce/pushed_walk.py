@@ -1,19 +1,23 @@
-"""The paper's first simulation study: the walk that is pushed, recorded, and what is measured on it."""
+"""Records the pushed walk of the paper's first simulation study, and measures what becomes of it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.biped.gait.lipm import natural_frequency
-from circuitkit.robots import RobotSpec
-from circuitkit.simulation import Recording, Scenario, judge, load_scenario, make_plan, threshold_lines
-from circuitkit.simulation.disturbance import Trial
+from circuitkit.biped.robot import BipedBlock
+from circuitkit.biped.thresholds import ThresholdMeasure
+from circuitkit.biped.view import BipedView, support_edges_m
+from circuitkit.paper.runs import push_moment
+from circuitkit.simulation import Recording, RunSpec, Scenario, load_scenario, make_plan
+from circuitkit.simulation.disturbances.jitter import Jitter
 from circuitkit.simulation.loop import run_loop
-from circuitkit.simulation.story import support_edges_m
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -39,20 +43,35 @@ class PushedWalk:
     recording: Recording
     survived: Flags
 
+    @cached_property
+    def view(self) -> BipedView:
+        """The recording as a biped's."""
+        return BipedView(self.recording)
+
+    @cached_property
+    def thresholds(self) -> ThresholdMeasure:
+        """The scenario's thresholds of the ZMP."""
+        return next(each for each in self.recording.judge.kinds if isinstance(each, ThresholdMeasure))
+
     def push_s(self, robot: int) -> tuple[float, float]:
-        """When the push on a robot began and ended."""
-        start, end = self.recording.fates.windows_s[robot]
+        """Say when the push on a robot began and ended, [s]."""
+        start, end = self.recording.effects.windows_s[robot]
         return float(start), float(end)
 
     def end_tick(self, robot: int) -> int:
-        """Ticks until a robot fell, or all."""
-        fall = judge(self.recording, self.scenario.thresholds, robot).time_of_fall_s
-        return self.recording.ticks if fall is None else round(fall / self.step_s)
+        """Count the ticks until a robot fell, or all."""
+        last = int(self.recording.end_tick[robot])
+        return self.recording.ticks if last < 0 else last + 1
 
     @property
     def step_s(self) -> float:
         """The control step."""
-        return self.recording.walk.gait.control_step
+        return self.recording.step_s
+
+    @property
+    def pace_ticks(self) -> int:
+        """Ticks of a step of the walk."""
+        return round(self.recording.motion.pace_s / self.step_s)
 
 
 def record_pushed_walk(controller: str, seeds: Sequence[int]) -> PushedWalk:
@@ -66,13 +85,20 @@ def record_pushed_walk(controller: str, seeds: Sequence[int]) -> PushedWalk:
         InputError: A name is unknown.
     """
     scenario = load_scenario(SCENARIO)
-    plan = make_plan(scenario)
-    trials = [Trial(seed, scenario.pushes) for seed in seeds]
-    last = float(plan.setup(controller, trials).fates.windows_s.max()) + WATCHED_S
-    shorter = scenario.model_copy(update={"duration": min(scenario.duration, np.ceil(last))})
-    recording = run_loop(make_plan(shorter).setup(controller, trials))
-    verdicts = [judge(recording, scenario.thresholds, robot) for robot in range(len(trials))]
-    return PushedWalk(shorter, recording, np.array([verdict.survived for verdict in verdicts]))
+    shorter = scenario.model_copy(
+        update={"duration": min(scenario.duration, float(_watched_until_s(scenario)))}
+    )
+    plan = make_plan(shorter)
+    specs = [RunSpec(seed, scenario.befalling) for seed in seeds]
+    recording = run_loop(plan.setup(plan.controller(controller), specs))
+    return PushedWalk(shorter, recording, np.array([bool(each["survived"]) for each in recording.measures]))
+
+
+def _watched_until_s(scenario: Scenario) -> int:
+    """Find the whole second at which the push has been over for long enough, however late it begins."""
+    late = max((each.start for each in scenario.befalling if isinstance(each, Jitter)), default=0.0)
+    begin = push_moment(scenario, scenario.made_reference()).time_s
+    return math.ceil(begin + late + scenario.pushes[0].duration + WATCHED_S)
 
 
 @dataclass(frozen=True)
@@ -111,54 +137,50 @@ def excursions(outside: Flags, step_s: float, calm_ticks: int) -> Excursions:
 
 
 def thresholds_for_cells_m(walk: PushedWalk) -> Array:
-    """Where the circuit's thresholds stand, in each tick of each robot: right, left; shape (T, B, 2)."""
-    recording = walk.recording
-    lines = threshold_lines(recording.yardstick or recording.circuit, walk.scenario.thresholds)
-    return np.asarray(lines[recording.support])
+    """Find where the circuit's thresholds stand in each tick of each robot: right, left; shape (T, B, 2)."""
+    return np.asarray(walk.thresholds.lines_m[walk.view.support])
 
 
 def thresholds_for_pressure_m(walk: PushedWalk) -> Array:
-    """The same for the true centre of pressure: as far inside the soles' edges as those inside the cells'."""
-    recording, spec = walk.recording, walk.recording.robot.spec
-    lines = threshold_lines(recording.yardstick or recording.circuit, walk.scenario.thresholds)
-    moved = lines + support_edges_m(spec) - cell_edges_m(spec)
-    return np.asarray(moved[recording.support])
+    """Put thresholds as far inside the soles' edges as the circuit's are in the cells'; shape (T, B, 2)."""
+    block = walk.view.block
+    moved = walk.thresholds.lines_m + support_edges_m(block) - cell_edges_m(block)
+    return np.asarray(moved[walk.view.support])
 
 
-def cell_edges_m(robot: RobotSpec) -> Array:
-    """Edges of the hull of the force cells, as `support_edges_m` has those of the soles; shape (3, 2)."""
-    offset = robot.legs.hip_offset_y
-    left = [offset + place[1] for place in robot.feet.left.cells.values()]
-    right = [-offset + place[1] for place in robot.feet.right.cells.values()]
+def cell_edges_m(block: BipedBlock) -> Array:
+    """Find the edges of the force cells' hull, as `support_edges_m` does for the soles; shape (3, 2)."""
+    offset = block.legs.hip_offset_y
+    left = [offset + place[1] for place in block.feet.left.cells.values()]
+    right = [-offset + place[1] for place in block.feet.right.cells.values()]
     return np.array([(min(left), max(left)), (min(right), max(right)), (min(right), max(left))])
 
 
 def zmp_as_read_m(walk: PushedWalk) -> Array:
-    """ZMP_y as the controller read it, with the cells' noise; without, if it read none; shape (T, B)."""
-    recording, channel = walk.recording, walk.scenario.thresholds.channel
+    """Take ZMP_y as the controller read it, with the cells' noise; without, if it read none; shape (T, B)."""
+    recording, channel = walk.recording, walk.thresholds.channel
     if channel in recording.observation_names:
         return np.asarray(recording.observations[:, :, recording.observation_names.index(channel)])
     return recording.channel(channel)
 
 
 def beyond(values: Array, lines: Array) -> Flags:
-    """Whether values are outside of lines by more than rounding; shapes (T, B) and (T, B, 2)."""
+    """See whether values are outside of lines by more than rounding; shapes (T, B) and (T, B, 2)."""
     return np.asarray((values < lines[..., 0] - 1e-9) | (values > lines[..., 1] + 1e-9))
 
 
 def measure_excursions(walk: PushedWalk, values: Array, lines: Array) -> tuple[Excursions, ...]:
-    """Of every robot, from its push to its fall or the end."""
+    """Measure the times outside of every robot, from its push to its fall or the end."""
     outside = beyond(values, lines)
     found = []
     for robot in range(outside.shape[1]):
         begin, end = round(walk.push_s(robot)[0] / walk.step_s), walk.end_tick(robot)
-        ticks = walk.recording.walk.gait.step_ticks
-        found.append(excursions(outside[begin:end, robot], walk.step_s, ticks))
+        found.append(excursions(outside[begin:end, robot], walk.step_s, walk.pace_ticks))
     return tuple(found)
 
 
 def time_to_limit_cycle_s(walk: PushedWalk) -> tuple[float | None, ...]:
-    """From the push until the CoM stays near its limit cycle.
+    """Measure the time from the push until the CoM stays near its limit cycle.
 
     The cycle is the mean of the double steps before the push, in the plane of y and y'/omega. Near is 5 mm,
     a small part of its width of some 60 mm.
@@ -166,17 +188,17 @@ def time_to_limit_cycle_s(walk: PushedWalk) -> tuple[float | None, ...]:
     Returns:
         Seconds for each robot, nothing for one that fell or had not returned at the end.
     """
-    recording = walk.recording
-    heights = recording.com_m[:100, :, 2].mean(axis=0)
+    view = walk.view
+    heights = view.com_m[:100, :, 2].mean(axis=0)
     omega = np.array([natural_frequency(float(height)) for height in heights])  # each robot for itself
-    points = np.stack([recording.com_m[..., 1], recording.com_velocity[..., 1] / omega], axis=-1)
+    points = np.stack([view.com_m[..., 1], view.com_velocity[..., 1] / omega], axis=-1)
     return tuple(_return_s(walk, points[:, robot], robot) for robot in range(points.shape[1]))
 
 
 def _return_s(walk: PushedWalk, points: Array, robot: int) -> float | None:
     if not walk.survived[robot]:
         return None
-    cycle_ticks = 2 * walk.recording.walk.gait.step_ticks
+    cycle_ticks = 2 * walk.pace_ticks
     begin = round(walk.push_s(robot)[0] / walk.step_s)
     cycles = (begin - round(_SETTLED_S / walk.step_s)) // cycle_ticks
     before = points[begin - cycles * cycle_ticks : begin]
@@ -189,5 +211,5 @@ def _return_s(walk: PushedWalk, points: Array, robot: int) -> float | None:
 
 
 def _distances(points: Array, cycle: Array) -> Array:
-    """From every point to the nearest of the cycle; shape (T,)."""
+    """Measure the distance from every point to the nearest of the cycle; shape (T,)."""
     return np.asarray(np.linalg.norm(points[:, None] - cycle[None], axis=-1).min(axis=1))

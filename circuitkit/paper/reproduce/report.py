@@ -1,4 +1,4 @@
-"""The report: Markdown with the pictures beside it, and one HTML file with everything in it."""
+"""Writes the report: Markdown with the pictures beside it, and one HTML file with everything in it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
 
 import circuitkit
 from circuitkit.paper.reproduce.finding import Claim, Finding, Table, Verdict
-
-if TYPE_CHECKING:
-    from markdown_it.token import Token
 
 TITLE = "The paper, figure by figure"
 _PAPER = (
@@ -49,7 +49,7 @@ class Entry:
 
 
 def as_markdown(entries: Sequence[Entry]) -> str:
-    """The report as Markdown; pictures are named from the folder of the report."""
+    """Write the report as Markdown; pictures are named from the folder of the report."""
     return "\n".join([*_head(entries), *_claims(entries), *_figures(entries), *_versions(entries)]) + "\n"
 
 
@@ -137,14 +137,12 @@ def _versions(entries: Sequence[Entry]) -> Iterator[str]:
 
 
 def as_html(markdown: str, folder: Path) -> str:
-    """The report as one file without anything to load.
+    """Write the report as one file without anything to load.
 
     Args:
         markdown: The report.
         folder: Where the pictures that it names lie; one that is not there stays a name.
     """
-    from markdown_it import MarkdownIt
-
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(markdown)
     _mark_verdicts(tokens)

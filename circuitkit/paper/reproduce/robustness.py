@@ -1,25 +1,23 @@
-"""Robustness: what circuits gain over the open loop in worlds for which they were not tuned."""
+"""Measures what circuits gain over the open loop in worlds for which they were not tuned."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
+
+from matplotlib.axes import Axes
 
 from circuitkit.draw.style import GREY, INK, NORMAL, SMALL, house_style, new_figure, tidy
-from circuitkit.paper.reproduce.drawing import LOOKS, WIDTH_IN, label_of, save
+from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, label_of, save
 from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio, seeds_in_words
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
 from circuitkit.paper.reproduce.forces import circuits_of
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import count, plain, words
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import count, one_line, plain
 from circuitkit.study import load_study
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-TITLE = "Robustness of the result"
-EFFORT = Effort(full_s=520.0, quick_s=80.0)
 STUDY = "robustness"
 NOMINAL, BASELINE = "nominal", "open_loop"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "4 N"}}
@@ -31,44 +29,55 @@ _SOURCE = "beyond the paper"
 Ratios = Mapping[str, Ratio]
 
 
-def run(job: Job) -> Finding:
-    """Search the largest survived forces in every condition, with and without circuits; draw the ratios."""
-    study = load_study(STUDY)
-    study = study.with_(_QUICK) if job.quick else study
-    forces = forces_by(job.sweep(study, apart="contender").limits(), "condition", "contender")
-    circuits = circuits_of(study)
-    conditions = tuple(dict.fromkeys(condition for condition, _ in forces))
-    ratios = {
-        name: {each: paired_ratio(forces[each, name], forces[each, BASELINE]) for each in conditions}
-        for name in circuits
-    }
-    seeds = len(study.seeds)
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=tuple(
-            claim for name, circuit in circuits.items() for claim in claims_of(circuit, ratios[name], seeds)
-        ),
-        pictures=(_draw(job, ratios),),
-        tables=tuple(_table(name, ratios[name]) for name in ratios),
-        text=words(f"""
-        Robot, sensors and floor differ from those that the walk is planned for and the circuits are tuned
-        in; neither knows. In each condition, for each of {seeds} seeds and both directions, the largest
-        force of 0.2 s that the robot survives is searched, with a circuit and in open loop. The ratio is
-        that of the means; its interval (95 %) is a bootstrap over the seeds, which both share, so that it
-        tells what other noise and other moments of the push might have given; over so few seeds it is
-        rather too narrow. Of {len(conditions)} intervals of 95 % one expects
-        {_MISSED * len(conditions):.1f} to miss the true ratio by chance, so a single condition that is just
-        sure, or just not, says little. The search of a seed takes the first boundary that bisection finds;
-        whether weaker pushes leave gaps below is not looked for."""),
-        seeds=seeds_in_words(study),
-        studies=(STUDY,),
-        data={name: {each: vars(ratio) for each, ratio in own.items()} for name, own in ratios.items()},
-    )
+class Robustness(ReportFigure):
+    """Sets circuits beside the open loop on other floors, masses, sensors, servos, pushes and slopes."""
+
+    kind: ClassVar[str] = "robustness"
+    order: ClassVar[int] = 30
+    title: ClassVar[str] = "Robustness of the result"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
+    effort: ClassVar[Effort] = Effort(full_s=520.0, quick_s=80.0)
+
+    def run(self, job: Job) -> Finding:
+        """Search the largest survived forces in every condition, with and without circuits; draw ratios."""
+        study = load_study(STUDY)
+        study = study.with_(_QUICK) if job.quick else study
+        forces = forces_by(job.sweep(study, apart="contender").limits(), "condition", "contender")
+        circuits = circuits_of(study)
+        conditions = tuple(dict.fromkeys(condition for condition, _ in forces))
+        ratios = {
+            name: {each: paired_ratio(forces[each, name], forces[each, BASELINE]) for each in conditions}
+            for name in circuits
+        }
+        seeds = len(study.seeds)
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=tuple(
+                claim
+                for name, circuit in circuits.items()
+                for claim in claims_of(circuit, ratios[name], seeds)
+            ),
+            pictures=(_draw(job, ratios),),
+            tables=tuple(_table(name, ratios[name]) for name in ratios),
+            text=one_line(f"""
+            Robot, sensors and floor differ from those that the walk is planned for and the circuits are tuned
+            in; neither knows. In each condition, for each of {seeds} seeds and both directions, the largest
+            force of 0.2 s that the robot survives is searched, with a circuit and in open loop. The ratio is
+            that of the means; its interval (95 %) is a bootstrap over the seeds, which both share, so that it
+            says what other noise and other moments of the push might have given; over so few seeds it is
+            rather too narrow. Of {len(conditions)} intervals of 95 % one expects
+            {_MISSED * len(conditions):.1f} to miss the true ratio by chance, so a single condition that is
+            just sure, or just not, says little. The search of a seed takes the first boundary that bisection
+            finds; whether weaker pushes leave gaps below is not looked for."""),
+            seeds=seeds_in_words(study),
+            studies=self.studies,
+            data={name: {each: vars(ratio) for each, ratio in own.items()} for name, own in ratios.items()},
+        )
 
 
 def claims_of(circuit: str, ratios: Ratios, seeds: int) -> tuple[Claim, ...]:
-    """Whether the gain is there in every condition, and how much of it stays."""
+    """Judge whether the gain is there in every condition, and how much of it stays."""
     nominal = ratios[NOMINAL]
     others = {name: ratio for name, ratio in ratios.items() if name != NOMINAL}
     lost = [name for name, ratio in others.items() if not ratio.low > 1]
@@ -128,7 +137,7 @@ def _draw(job: Job, ratios: Mapping[str, Ratios]) -> Picture:
         handles, labels = axes.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
         file = save(figure, job.folder, "robustness")
-    caption = words("""
+    caption = one_line("""
         Largest force survived with a circuit over that in open loop, in each condition, with its 95 %
         interval by a bootstrap over seeds. On the right the mean forces in newtons: in open loop, then
         with each circuit. Dashed, no gain.""")
@@ -147,16 +156,16 @@ def _rows(axes: Axes, conditions: tuple[str, ...]) -> None:
 
 
 def _points(axes: Axes, name: str, ratios: Ratios, aside: float) -> None:
-    look = LOOKS[name].line(linestyle="none", markeredgecolor=INK, markersize=5, zorder=4)
+    style = STYLES[name].line(linestyle="none", markeredgecolor=INK, markersize=5, zorder=4)
     places = [row + aside for row in range(len(ratios))]
-    axes.plot([ratio.value for ratio in ratios.values()], places, **look)
+    axes.plot([ratio.value for ratio in ratios.values()], places, **style)
     for place, ratio in zip(places, ratios.values(), strict=True):
         if not math.isnan(ratio.low):
-            axes.plot([ratio.low, ratio.high], [place] * 2, color=LOOKS[name].colour, linewidth=1.3)
+            axes.plot([ratio.low, ratio.high], [place] * 2, color=STYLES[name].colour, linewidth=1.3)
 
 
 def _forces(axes: Axes, ratios: Mapping[str, Ratios]) -> None:
-    """The mean forces behind the ratios, on the right."""
+    """Write the mean forces behind the ratios, on the right."""
     beside: Any = {
         "xycoords": ("axes fraction", "data"),
         "xytext": (4, 0),

@@ -1,4 +1,4 @@
-"""Making figures one after the other, with what is finished left as it is, and the report after each."""
+"""Makes figures one after the other, leaves what is finished as it is, and writes the report after each."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import Any
 import circuitkit
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import write_text
-from circuitkit.base.source.data_files import data_folder
+from circuitkit.base.source import data_folder
+from circuitkit.paper.reproduce.figure import FIGURES, Effort, select
 from circuitkit.paper.reproduce.finding import FINDING_FILE, Finding
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.registry import FIGURES, module_of, select
+from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.report import Entry, as_html, as_markdown
 
 REPORT = "report"
@@ -52,22 +52,22 @@ def reproduce(
     workers: int | None = None,
     again: bool = False,
     progress: bool = False,
-    say: Callable[[str], object] = lambda _: None,
+    log: Callable[[str], object] = lambda _: None,
 ) -> Made:
     """Make figures, and a report of all that lie in the folder.
 
     What is finished stays as it is, a figure of a stopped call goes on where it was. A finished figure in
-    full is good for `quick` too. It is made anew once a circuit or a file of `sims/` is another; runs of it
-    that nothing changed are not run again.
+    full is good for `quick` too. It is made anew once a circuit, a robot or a file of `sims/` is another;
+    runs of it that nothing changed are not run again.
 
     Args:
-        names: Figures of the registry; all, if none are given.
+        names: Which figures; all, if none are given.
         folder: Each figure gets one in it.
         quick: All of it, coarser.
         workers: Processes for the studies; None for one a processor.
         again: Forget what is there of these figures.
         progress: Show bars on a terminal.
-        say: Is told a line at a time what is going on.
+        log: Receives a line at a time about what is going on.
 
     Raises:
         UnknownNameError: There is no figure of a name.
@@ -80,19 +80,19 @@ def reproduce(
         for name in chosen:
             shutil.rmtree(folder / name, ignore_errors=True)
     waiting = [name for name in chosen if not is_finished(folder / name, quick=quick, stamp=stamp)]
-    clock = Clock({name: effort_of(name) for name in waiting}, quick=quick, workers=workers)
+    clock = Clock({name: FIGURES[name].effort for name in waiting}, quick=quick, workers=workers)
     if finished := [name for name in chosen if name not in waiting]:
-        say(f"{', '.join(finished)}: done before; --again makes them anew")
+        log(f"{', '.join(finished)}: done before; --again makes them anew")
     failed: dict[str, str] = {}
     for number, name in enumerate(waiting, 1):
-        say(f"{name} ({number} of {len(waiting)}), {clock.left()}")
-        job = Job(name, folder / name, quick, workers, progress, say)
+        log(f"{name} ({number} of {len(waiting)}), {clock.left()}")
+        job = Job(name, folder / name, quick, workers, progress, log)
         with clock.measures(name):
             try:
                 _make(job, stamp)
             except CircuitkitError as error:
                 failed[name] = str(error)
-                say(f"{name} could not be made: {error}")
+                log(f"{name} could not be made: {error}")
         write_report(folder)
     markdown, html = write_report(folder)
     if failed:
@@ -106,12 +106,12 @@ def reproduce(
 def _make(job: Job, stamp: Mapping[str, Any]) -> None:
     (job.folder / FINDING_FILE).unlink(missing_ok=True)
     job.folder.mkdir(parents=True, exist_ok=True)
-    finding = module_of(job.figure).run(job)
+    finding = FIGURES[job.figure]().run(job)
     finding.save(job.folder, **stamp, quick=job.quick)
 
 
 def is_finished(folder: Path, *, quick: bool, stamp: Mapping[str, Any]) -> bool:
-    """Whether a figure's folder holds what would be made, as fine as wanted, from the same files."""
+    """See whether a figure's folder holds what would be made, as fine as asked for, from the same files."""
     found = Finding.load(folder)
     if found is None:
         return False
@@ -119,16 +119,10 @@ def is_finished(folder: Path, *, quick: bool, stamp: Mapping[str, Any]) -> bool:
     return (quick or not theirs.get("quick")) and all(theirs.get(key) == stamp[key] for key in stamp)
 
 
-def effort_of(name: str) -> Effort:
-    """How long a figure takes on two cores."""
-    return module_of(name).EFFORT
-
-
 def inputs_digest() -> str:
-    """A digest of every circuit, scenario, gait, controller, study and robot that ships."""
+    """Sum up every circuit, scenario, gait, controller, study and robot that ships in one digest."""
     digest = hashlib.sha256()
-    robots = Path(circuitkit.__file__).parent / "robots"
-    for place in (Path(data_folder("circuits")), Path(data_folder("sims")), robots):
+    for place in (data_folder(name) for name in ("circuits", "sims", "robots")):
         for path in sorted(each for each in place.rglob("*") if each.suffix in {".yaml", ".xml"}):
             digest.update(f"{place.name}/{path.relative_to(place).as_posix()}\n".encode())
             digest.update(path.read_bytes())
@@ -136,7 +130,7 @@ def inputs_digest() -> str:
 
 
 class Clock:
-    """How long the rest takes, by what the figures are known to take and how quick they went so far."""
+    """Estimates how long the rest takes, by what figures are known to take and how quick they went so far."""
 
     def __init__(self, efforts: Mapping[str, Effort], *, quick: bool, workers: int | None) -> None:
         """Set up.
@@ -153,7 +147,7 @@ class Clock:
 
     @property
     def seconds(self) -> float:
-        """Of the rest, about."""
+        """How long the rest takes, about, [s]."""
         pace = self._measured_s / self._expected_s if self._expected_s else self._guess
         return sum(self._left_s.values()) * pace
 
@@ -164,11 +158,11 @@ class Clock:
         return f"about {self.seconds / _MINUTE_S:.0f} min left"
 
     def measures(self, name: str) -> _Stopwatch:
-        """A block in which a figure is made."""
+        """Measure the block in which a figure is made."""
         return _Stopwatch(self, name)
 
-    def tell(self, name: str, took_s: float) -> None:
-        """A figure has been made, in so many seconds."""
+    def record(self, name: str, took_s: float) -> None:
+        """Note that a figure was made in so many seconds."""
         self._expected_s += self._left_s.pop(name)
         self._measured_s += took_s
 
@@ -181,12 +175,12 @@ class _Stopwatch:
         self._began = time.monotonic()
 
     def __exit__(self, *_: object) -> None:
-        self._clock.tell(self._name, time.monotonic() - self._began)
+        self._clock.record(self._name, time.monotonic() - self._began)
 
 
 def entries(folder: Path) -> Iterator[Entry]:
-    """What lies in a folder, in the order of the report."""
-    for name in FIGURES:
+    """Read what lies in a folder, in the order of the report."""
+    for name in select():
         found = Finding.load(folder / name)
         if found is not None:
             finding, stamp = found

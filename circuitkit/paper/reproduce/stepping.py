@@ -1,40 +1,34 @@
-"""The paper's outlook: a step beside the ankles for what they cannot hold, and a circuit that hands over."""
+"""Makes the figure of the outlook: a step for what the ankles cannot hold, and a circuit that hands over."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from circuitkit.draw.style import EXCITATORY, GREY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.push_bounds import PushKind
-from circuitkit.paper.reproduce.drawing import LOOKS, PUSH_FILL, WIDTH_IN, Look, save
+from circuitkit.paper.reproduce.drawing import PUSH_FILL, STYLES, WIDTH_IN, LineStyle, save
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
-from circuitkit.paper.reproduce.job import Effort, Job
-from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, words
+from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
+from circuitkit.paper.runs import plan_of, record
 from circuitkit.simulation import Recording
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop
-from circuitkit.study import load_study
+from circuitkit.study import CaseBuilder, Study, load_study
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from circuitkit.study import Study
-
-TITLE = "Stepping beside the ankles"
-EFFORT = Effort(full_s=160.0, quick_s=30.0)
 STUDY = "stepping"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "3 N", "check_below": 0}}
-_LOOKS: Mapping[str, Look] = {
-    "open_loop": LOOKS["open_loop"],
-    "ankles": Look("ankle circuit alone", LOOKS["binn_tuned"].colour, (0, (4, 1.5)), "s", filled=False),
-    "stepping": Look("with steps beside it", INHIBITORY, "-", "D"),
-    "bound": LOOKS["bound"],
-    "point_mass": LOOKS["point_mass"],
+_STYLES: Mapping[str, LineStyle] = {
+    "open_loop": STYLES["open_loop"],
+    "ankles": LineStyle("ankle circuit alone", STYLES["binn_tuned"].colour, (0, (4, 1.5)), "s", filled=False),
+    "stepping": LineStyle("with steps beside it", INHIBITORY, "-", "D"),
+    "bound": STYLES["bound"],
+    "point_mass": STYLES["point_mass"],
 }
 _DIRECTIONS = ("outward", "inward")
 _CALM_S, _QUICK_CALM_S = 60.0, 10.0
@@ -62,53 +56,62 @@ class Calm:
     apart_m: float
 
 
-def run(job: Job) -> Finding:
-    """Search the largest forces, watch a walk that nobody pushes, draw a run that only a step survives."""
-    study = load_study(STUDY)
-    study = study.with_(_QUICK) if job.quick else study
-    forces = measure(job, study)
-    calm = walk_calmly(study, _QUICK_CALM_S if job.quick else _CALM_S)
-    shown = most_gained(forces)
-    seeds = study.seeds
-    return Finding(
-        figure=job.figure,
-        title=TITLE,
-        claims=_claims(forces, calm, len(seeds)),
-        pictures=(_draw_forces(job, forces, len(seeds)), _draw_run(job, study, shown, forces)),
-        tables=(_table(forces),),
-        text=_text(study, calm),
-        seeds=f"seeds {seeds[0]} to {seeds[-1]}; what is drawn and the walk without pushes: seed {seeds[0]}",
-        studies=(STUDY,),
-        data={
-            "largest_survived_n": listed(forces.survived),
-            "bound_n": list(forces.bound.values()),
-            "calm_s": calm.duration_s,
-            "calm_stepping_ticks": calm.stepping_ticks,
-            "calm_nearest_m": calm.nearest_m,
-            "calm_apart_m": calm.apart_m,
-        },
-    )
+class Stepping(ReportFigure):
+    """Steps where the ankles cannot hold a push any more."""
+
+    kind: ClassVar[str] = "stepping"
+    order: ClassVar[int] = 50
+    title: ClassVar[str] = "Stepping beside the ankles"
+    studies: ClassVar[tuple[str, ...]] = (STUDY,)
+    effort: ClassVar[Effort] = Effort(full_s=160.0, quick_s=30.0)
+
+    def run(self, job: Job) -> Finding:
+        """Search the largest forces, watch a walk without pushes, draw a run that only a step survives."""
+        study = load_study(STUDY)
+        study = study.with_(_QUICK) if job.quick else study
+        forces = measure(job, study)
+        calm = walk_calmly(study, _QUICK_CALM_S if job.quick else _CALM_S)
+        shown = most_gained(forces)
+        seeds = study.seeds
+        return Finding(
+            figure=job.figure,
+            title=self.title,
+            claims=_claims(forces, calm, len(seeds)),
+            pictures=(_draw_forces(job, forces, len(seeds)), _draw_run(job, study, shown, forces)),
+            tables=(_table(forces),),
+            text=_text(study, calm),
+            seeds=f"seeds {seeds[0]} to {seeds[-1]}; "
+            f"what is drawn and the walk without pushes: seed {seeds[0]}",
+            studies=self.studies,
+            data={
+                "largest_survived_n": listed(forces.survived),
+                "bound_n": list(forces.bound.values()),
+                "calm_s": calm.duration_s,
+                "calm_stepping_ticks": calm.stepping_ticks,
+                "calm_nearest_m": calm.nearest_m,
+                "calm_apart_m": calm.apart_m,
+            },
+        )
 
 
 def most_gained(forces: Forces) -> PushKind:
-    """The push of which steps hold most more than the ankles alone."""
+    """Find the push of which steps hold most more than the ankles alone."""
     mine, theirs = forces.survived["stepping"], forces.survived["ankles"]
     return max(forces.kinds, key=lambda kind: mine[kind] - theirs[kind])
 
 
 def walk_calmly(study: Study, duration_s: float) -> Calm:
     """Walk without pushes, with steps allowed and under the ankle circuit alone."""
-    alone = _settings(study, "ankles") | {"pushes": [], "duration": f"{duration_s} s"}
-    seed = [Trial(study.seeds[0], ())]
-    ankles = study.point(alone)
-    plan = ankles.plan()
-    found, other = (run_loop(plan.setup(name, seed)) for name in ("stepping", ankles.controller))
+    alone = _settings(study, "ankles") | {"push": [], "duration": f"{duration_s} s"}
+    ankles = CaseBuilder(study).case(alone)
+    plan, specs = ankles.plan(), [ankles.spec(study.seeds[0])]
+    found, other = (record(plan, controller, specs) for controller in ("stepping", ankles.controller))
     dcm, left, right = (_traced(found, name) for name in ("dcm_y", "left_limit", "right_limit"))
     acting = _traced(found, "step_share_left") + _traced(found, "step_share_right")
     ticks = min(found.ticks, other.ticks)
     return Calm(
         duration_s=duration_s,
-        survived=found.ticks == plan.walk.ticks,
+        survived=found.ended_s() is None,
         stepping_ticks=int(np.count_nonzero(acting)),
         nearest_m=float(np.maximum(dcm - left, right - dcm).max()),
         apart_m=float(np.abs(found.qpos[:ticks] - other.qpos[:ticks]).max()),
@@ -116,12 +119,12 @@ def walk_calmly(study: Study, duration_s: float) -> Calm:
 
 
 def _settings(study: Study, contender: str) -> dict[str, Any]:
-    """The fields that a contender of the study sets."""
+    """Collect the fields that a contender of the study sets."""
     return dict(next(cell.settings for cell in study.cells if cell.labels["contender"] == contender))
 
 
 def _traced(recording: Recording, name: str) -> Any:  # noqa: ANN401 - an array
-    """What the controller recorded of itself; shape (T,)."""
+    """Take what the controller recorded of itself; shape (T,)."""
     return recording.trace[:, 0, recording.trace_names.index(name)]
 
 
@@ -152,7 +155,7 @@ def _claims(forces: Forces, calm: Calm, runs: int) -> tuple[Claim, ...]:
             f"{best.duration_s:g} s",
             f"the bound by the DCM for ankles alone, torso upright; {how}",
             reaches(len(above), len(kinds), 0),
-            why=words("""
+            why=one_line("""
             Mostly it is no step in the air: after some 50 ms the body has tipped onto the other foot, or it
             falls over the foot on which it stands. Spreading the leg then pushes the body back from it. The
             bound is for a torso that stays upright; one that leans for a moment takes up some of the push, so
@@ -173,7 +176,7 @@ def _claims(forces: Forces, calm: Calm, runs: int) -> tuple[Claim, ...]:
 
 def _text(study: Study, calm: Calm) -> str:
     step = study.search.step if study.search is not None else ""
-    return words(f"""
+    return one_line(f"""
         While the DCM (capture point) stays where the ankles can hold it, the ankle circuit acts alone. When
         it comes near the end of that, the circuit `hand_over` lets a step act as well: the leg on the side of
         the fall goes outward by the DCM's error at the end of the step, (ξ - ξ_planned) exp(ω t), as far as
@@ -186,14 +189,14 @@ def _table(forces: Forces) -> Table:
     headings = ("", *(f">{kind.direction} {kind.duration_s:g} s" for kind in forces.kinds), ">of the bound")
     rows = [
         (
-            _LOOKS[name].label,
+            _STYLES[name].label,
             *(plain(own[kind]) for kind in forces.kinds),
             f"{forces.of_bound(name) * 100:.0f} %",
         )
         for name, own in forces.survived.items()
     ]
     for name, bound in (("bound", forces.bound), ("point_mass", forces.point_mass)):
-        rows.append((_LOOKS[name].label, *(plain(bound[kind]) for kind in forces.kinds), ""))
+        rows.append((_STYLES[name].label, *(plain(bound[kind]) for kind in forces.kinds), ""))
     return Table("Largest force survived in all runs [N]", headings, tuple(rows))
 
 
@@ -207,9 +210,9 @@ def _draw_forces(job: Job, forces: Forces, runs: int) -> Picture:
             durations = [kind.duration_s for kind in kinds]
             tidy(axes)
             for name, own in forces.survived.items():
-                axes.plot(durations, [own[kind] for kind in kinds], **_LOOKS[name].line())
+                axes.plot(durations, [own[kind] for kind in kinds], **_STYLES[name].line())
             for name, bound in (("bound", forces.bound), ("point_mass", forces.point_mass)):
-                axes.plot(durations, [bound[kind] for kind in kinds], **_LOOKS[name].line(linewidth=1.6))
+                axes.plot(durations, [bound[kind] for kind in kinds], **_STYLES[name].line(linewidth=1.6))
             axes.set_title(direction, fontsize=NORMAL)
             axes.set(xlabel="duration of the force [s]", xlim=(0.05, 0.45), xticks=[0.1, 0.2, 0.3, 0.4])
             axes.set_ylim(bottom=0)
@@ -217,25 +220,25 @@ def _draw_forces(job: Job, forces: Forces, runs: int) -> Picture:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
         file = save(figure, job.folder, "stepping")
-    caption = words(f"""
+    caption = one_line(f"""
         Largest force that the walk survives in all of {runs} runs. Left, pushed away from the foot in the
         air; right, towards it. The bound is for ankles alone.""")
     return Picture(file, caption, "Force over duration: open loop, ankles alone, with steps, and the bound.")
 
 
 def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture:
-    """The DCM, who acts and where the feet are put, in a run at the largest force that steps survive."""
+    """Draw the DCM, who acts and where the feet go, in a run at the largest force that steps survive."""
     force = forces.survived["stepping"][kind]
     push = {
         "controller": "stepping",
-        "pushes[0].direction": kind.direction,
-        "pushes[0].duration": f"{kind.duration_s} s",
-        "pushes[0].force": f"{max(force, 1.0)} N",
+        "push.direction": kind.direction,
+        "push.duration": f"{kind.duration_s} s",
+        "push.force": f"{max(force, 1.0)} N",
     }
-    plan = study.point(push).plan()
-    recording = run_loop(plan.setup("stepping", [Trial(study.seeds[0], plan.scenario.pushes)]))
-    start, end = recording.fates.windows_s[0]
-    dt = recording.walk.gait.control_step
+    plan = plan_of(study, push)
+    recording = record(plan, "stepping", [plan.own_spec(study.seeds[0])])
+    start, end = recording.effects.windows_s[0]
+    dt = recording.step_s
     ticks = np.arange(recording.ticks)
     shown = (ticks * dt > start - _BEFORE_S) & (ticks * dt < start + _AFTER_S)
     time_s = ticks[shown] * dt - start
@@ -251,7 +254,7 @@ def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture
         _legs_panel(panels[2], time_s, recording, shown)
         panels[2].set(xlabel="time from the start of the push [s]", xlim=(time_s[0], time_s[-1]))
         file = save(figure, job.folder, "stepping_run")
-    caption = words(f"""
+    caption = one_line(f"""
         {plain(force)} N {kind.direction} for {kind.duration_s:g} s. Above, the DCM, where the ankles can hold
         it (between the dashed lines); in the middle, when the circuit lets a step act, against a fall to the
         left or to the right; below, what is added to the walk. Shaded, the push.""")
@@ -275,7 +278,7 @@ def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> Non
 
 
 def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
-    """Bars where the circuit lets a step act."""
+    """Draw bars where the circuit lets a step act."""
     rows = {"right": "step_share_right", "left": "step_share_left"}
     for height, name in enumerate(rows.values()):
         acts = _traced(recording, name)[shown] > 0
@@ -289,12 +292,12 @@ def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> 
 def _legs_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
     degrees = np.degrees(recording.commands[shown, 0])
     names: Sequence[str] = recording.command_names
-    looks = {
+    styles = {
         "left_foot_y": ("left leg, outward", 1.0, EXCITATORY, "-"),
         "right_foot_y": ("right leg, outward", -1.0, INHIBITORY, "--"),
         "ankle_roll": ("ankles, to the left", 1.0, INK, ":"),
     }
-    for name, (label, sign, colour, dashes) in looks.items():
+    for name, (label, sign, colour, dashes) in styles.items():
         if name in names:
             values = sign * degrees[:, names.index(name)]
             axes.plot(time_s, values, color=colour, linestyle=dashes, linewidth=1.2, label=label)

@@ -1,4 +1,4 @@
-"""How long a step of the network takes, and a solve of the MPC, on one core of this machine.
+"""Times a step of the network and a solve of the MPC on one core of this machine.
 
 Times are the processor's time of this process, not the clock's: what else the machine does counts less.
 """
@@ -9,19 +9,19 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import cycle, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.biped.control.jerk_mpc import JerkMpc
+from circuitkit.biped.control.reference import WalkReference
 from circuitkit.biped.control.wieber_mpc import WieberMpcSpec
 from circuitkit.circuit import load_circuit
 from circuitkit.control import Controller, load_controller
 from circuitkit.engine import Stepper, compile_circuit
 from circuitkit.simulation import Plan
-from circuitkit.simulation.disturbance import Trial
 from circuitkit.simulation.loop import run_loop
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def time_in_turns(works: Mapping[str, tuple[Callable[[int], object], int]], runs
     """Time several pieces of work, which take turns, so that what else the machine does hits all of them.
 
     Args:
-        works: For each name a function that does as many steps as it is told, and how many those are.
+        works: For each name a function that does the number of steps that it gets, and how many those are.
         runs: How often each is timed.
     """
     for work, steps in works.values():
@@ -73,7 +73,7 @@ def time_in_turns(works: Mapping[str, tuple[Callable[[int], object], int]], runs
 
 
 def network_steps(circuit: str, backend: str) -> Callable[[int], object]:
-    """Steps of a circuit, each a call from Python that hands over other inputs.
+    """Prepare steps of a circuit, each a call from Python that hands over other inputs.
 
     Args:
         circuit: Name of the circuit, with the inputs `force_difference` and `zmp_y`.
@@ -101,7 +101,7 @@ def network_steps(circuit: str, backend: str) -> Callable[[int], object]:
 
 
 def mpc_solves(controller: str, plan: Plan) -> Callable[[int], object]:
-    """Solves of the MPC's quadratic program along a walk, from states that pushes have moved.
+    """Prepare solves of the MPC's quadratic program along a walk, from states that pushes have moved.
 
     Args:
         controller: Name of a controller file of the kind `wieber_mpc`.
@@ -115,7 +115,7 @@ def mpc_solves(controller: str, plan: Plan) -> Callable[[int], object]:
     if not isinstance(spec, WieberMpcSpec):
         message = f"{controller} is no wieber_mpc"
         raise TypeError(message)
-    reference = plan.reference()
+    reference: WalkReference = plan.body.motion.knowledge
     mpc = JerkMpc(reference.com_height_m, spec.preview_step, spec.preview_steps, spec.zmp_weight, spec.solver)
     rng = np.random.default_rng(0)
     stride = round(spec.preview_step / reference.step_s)
@@ -150,25 +150,24 @@ class TimedController:
     durations_s: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Look like the controller."""
+        """Take over names of the controller."""
         self.name = self.inner.name
         self.observations, self.commands = self.inner.observations, self.inner.commands
-        self.trace_names = self.inner.trace_names
 
     def reset(self, batch: int) -> None:
         """Start again, with `batch` robots."""
         self.inner.reset(batch)
 
-    def step(self, observation: Array, trace: Array) -> Array:
-        """Commands of this control step."""
+    def step(self, observation: Array) -> Array:
+        """Time the step; commands of this control step."""
         begin = time.process_time()
-        command = self.inner.step(observation, trace)
+        command = self.inner.step(observation)
         self.durations_s.append(time.process_time() - begin)
         return command
 
 
 def time_in_the_loop(plan: Plan, controllers: Sequence[str], seeds: Sequence[int]) -> dict[str, Times]:
-    """Mean time of a controller's step while it holds the pushed robot, one run a seed.
+    """Time a controller's step while it holds the pushed robot, one run a seed.
 
     Args:
         plan: The scenario's plan.
@@ -179,9 +178,8 @@ def time_in_the_loop(plan: Plan, controllers: Sequence[str], seeds: Sequence[int
     for name in controllers:
         means, steps = [], 0
         for seed in seeds:
-            setup = plan.setup(name, [Trial(seed, plan.scenario.pushes)])
-            timed = TimedController(setup.controller)
-            run_loop(replace(setup, controller=timed), threads=1)
+            timed = TimedController(plan.controller(name))
+            run_loop(plan.setup(timed, [plan.own_spec(seed)]), threads=1)
             means.append(statistics.fmean(timed.durations_s))
             steps = max(steps, len(timed.durations_s))
         found[name] = Times(steps, tuple(means))

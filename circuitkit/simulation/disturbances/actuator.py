@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from circuitkit.base.source.fields import Ratio, Seconds
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel, Worlds
 from circuitkit.robots.model import drives_position
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
+from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start, placed
 
 
 class Actuator(Disturbance):
-    """An actuator that is weak or dead, or a servo that is softer, for a while or for the whole run."""
+    """Makes actuators weak or dead, or servos softer, for a while or for the whole run."""
 
     kind: ClassVar[str] = "actuator"
 
@@ -41,7 +40,8 @@ class Actuator(Disturbance):
         """Change gains of the compiled model."""
         model = robot.model
         if self.changes_model:
-            self._scale(robot, model.actuator_gainprm, model.actuator_biasprm)
+            with placed("actuator"):
+                self._scale(robot, model.actuator_gainprm, model.actuator_biasprm)
 
     def _scale(self, robot: RobotModel, gains: Array, biases: Array) -> None:
         """Scale gains, shape (..., nu, n), and biases, in place."""
@@ -67,18 +67,17 @@ class Actuator(Disturbance):
         first, last = effects.window(self.start, self.duration, where)
         words = f"{self.actuator} dead" if self.strength == 0 else f"{self.actuator} weak"
         effects.spans.append((words, first * effects.step_s, last * effects.step_s))
-        effects.robot.matching("actuator", self.actuator)  # complains before the run if there is none
-        kept: dict[str, Array] = {}
+        with placed(f"{where}.actuator"):  # before the run
+            effects.robot.matching("actuator", self.actuator)
+        spells: list[tuple[int, int, Actuator]] = effects.collected("actuators", list)
+        spells.append((first, last, self))
 
-        def begin(_: int, worlds: Worlds) -> None:
+        def change(tick: int, worlds: Worlds) -> None:
+            """Begin with what the model has, for others may begin or end between."""
             gains, biases = worlds.physics.expand("actuator_gainprm"), worlds.physics.expand("actuator_biasprm")
-            kept["gains"], kept["biases"] = np.array(gains), np.array(biases)
-            self._scale(worlds.robot, gains, biases)
+            gains[:], biases[:] = worlds.robot.model.actuator_gainprm, worlds.robot.model.actuator_biasprm
+            for begin, end, each in spells:
+                if begin <= tick < end:
+                    each._scale(worlds.robot, gains, biases)
 
-        def end(_: int, worlds: Worlds) -> None:
-            worlds.physics.expand("actuator_gainprm")[:] = kept["gains"]
-            worlds.physics.expand("actuator_biasprm")[:] = kept["biases"]
-
-        effects.on_worlds.append(Hook(first, first + 1, begin))
-        if last < effects.ticks:
-            effects.on_worlds.append(Hook(last, last + 1, end))
+        effects.on_worlds += [Hook(tick, tick + 1, change) for tick in (first, last) if tick < effects.ticks]

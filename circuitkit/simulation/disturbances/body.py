@@ -9,11 +9,11 @@ from pydantic import Field, model_validator
 
 from circuitkit.base.source.fields import Kilograms, Ratio
 from circuitkit.robots import RobotModel
-from circuitkit.simulation.disturbance import Disturbance
+from circuitkit.simulation.disturbance import Disturbance, placed
 
 
 class Body(Disturbance):
-    """A body whose mass or friction differs, for the whole run; controllers and references do not know."""
+    """Changes mass or friction of bodies for the whole run; controllers and references do not know."""
 
     kind: ClassVar[str] = "body"
 
@@ -39,7 +39,8 @@ class Body(Disturbance):
     def change(self, robot: RobotModel) -> None:
         """Change masses and friction of the compiled model."""
         model = robot.model
-        bodies = [robot.number("body", self.body)] if "*" not in self.body else robot.matching("body", self.body)
+        with placed("body"):
+            bodies = [robot.number("body", self.body)] if "*" not in self.body else robot.matching("body", self.body)
         if self.mass != 1.0:
             model.body_mass[bodies] *= self.mass
             model.body_inertia[bodies] *= self.mass

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-import numpy as np
 from pydantic import Field
 
 from circuitkit.base.source.fields import MetresPerSecond, Seconds
@@ -14,7 +13,7 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
 class Current(Disturbance):
-    """The velocity of the water or air around everything, MuJoCo's `wind`; it needs a density or viscosity."""
+    """Moves the water or air around everything, MuJoCo's `wind`; the MJCF needs a density or viscosity."""
 
     kind: ClassVar[str] = "current"
 
@@ -37,15 +36,16 @@ class Current(Disturbance):
         if self.changes_model:
             return
         first, last = effects.window(self.start, self.duration, where)
-        before = np.array(effects.robot.model.opt.wind)
+        spells: list[tuple[int, int, Current]] = effects.collected("currents", list)
+        spells.append((first, last, self))
         effects.spans.append(("current", first * effects.step_s, last * effects.step_s))
 
-        def blow(velocity: object) -> Hook:
-            def act(_: int, worlds: Worlds) -> None:
-                worlds.physics.expand("opt.wind")[:] = velocity
+        def change(tick: int, worlds: Worlds) -> None:
+            """Of several at a time the last one of the file counts; without any, that of the whole run."""
+            velocity = worlds.robot.model.opt.wind
+            for begin, end, each in spells:
+                if begin <= tick < end:
+                    velocity = each.velocity
+            worlds.physics.expand("opt.wind")[:] = velocity
 
-            return Hook(0, 0, act)
-
-        effects.on_worlds.append(blow(self.velocity)._replace(first=first, last=first + 1))
-        if last < effects.ticks:
-            effects.on_worlds.append(blow(before)._replace(first=last, last=last + 1))
+        effects.on_worlds += [Hook(tick, tick + 1, change) for tick in (first, last) if tick < effects.ticks]

@@ -12,17 +12,17 @@ from pydantic import Field, model_validator
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.source.fields import Seconds
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook
+from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, placed
 
 
 class Delay(Disturbance):
-    """What the controller reads is old, or what it writes comes late, by whole control steps."""
+    """Lets the controller read old values, or its commands come late, by whole control steps."""
 
     kind: ClassVar[str] = "delay"
 
     channel: str | None = Field(default=None, description="Name of a channel, with * for any letters.")
     command: str | None = Field(default=None, description="Name of a command, with * for any letters.")
-    by: Seconds = Field(ge=0, description="Whole control steps.")
+    by: Seconds = Field(ge=0, description="By how much; whole control steps.")
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Delay:
@@ -55,9 +55,8 @@ class Delay(Disturbance):
 def _places(pattern: str, used: Sequence[str], there: Sequence[str], kind: str, where: str) -> list[int]:
     """Where the names that match a pattern stand among those in use."""
     if not any(fnmatchcase(name, pattern) for name in (*there, *used)) and pattern != "*":
-        error = UnknownNameError(kind, pattern, there)
-        problem = error.problems[0]
-        raise InputError(Problem("", 0, 0, f"{where}.{kind}", problem.message, problem.hint)) from error
+        with placed(f"{where}.{kind}"):
+            raise UnknownNameError(kind, pattern, dict.fromkeys((*there, *used)))
     return [i for i, name in enumerate(used) if fnmatchcase(name, pattern)]
 
 

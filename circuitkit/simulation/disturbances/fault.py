@@ -17,7 +17,7 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
 class Fault(Disturbance):
-    """A channel that fails: what the controller reads is missing, zero, stuck, a spike, or dropped at random."""
+    """Lets channels fail: what the controller reads is missing, zero, stuck, a spike, or dropped at random."""
 
     kind: ClassVar[str] = "fault"
 
@@ -26,11 +26,11 @@ class Fault(Disturbance):
         description="missing: not a number; zero; stuck: as it was when the fault began; spike: `value` more; "
         "dropped: each tick is missing with `chance`."
     )
-    value: AnyQuantity | None = Field(default=None, description="Of a spike.")
-    chance: Ratio | None = Field(default=None, gt=0, le=1, description="Of a tick to be dropped.")
+    value: AnyQuantity | None = Field(default=None, description="Size of a spike.")
+    chance: Ratio | None = Field(default=None, gt=0, le=1, description="Chance of a tick to be dropped.")
     start: Start = Field(default=0.0, description="A time such as 5 s, or a moment of the reference.")
     duration: Seconds | None = Field(default=None, gt=0, description="To the end of the run if absent.")
-    stream: int = Field(default=0, ge=0, le=1000, description="Of random numbers, as for noise.")
+    stream: int = Field(default=0, ge=0, le=1000, description="Stream of random numbers, as for noise.")
 
     @model_validator(mode="after")
     def _complete(self) -> Fault:

@@ -23,7 +23,7 @@ _STREAM = 2**16  # of its own, so that it leaves the seeds' other numbers alone
 
 
 class Jitter(Disturbance):
-    """What differs from seed to seed: when pushes begin, and how the robot starts."""
+    """Lets seeds differ in when pushes begin and in how the robot starts."""
 
     kind: ClassVar[str] = "jitter"
     early: ClassVar[bool] = True

@@ -9,21 +9,21 @@ import mujoco
 import numpy as np
 from pydantic import Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Metres, MetresPerSecond
 from circuitkit.robots import Worlds
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
+from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start, placed
 
 
 class Move(Disturbance):
-    """A loose object, or a mocap body, that is put elsewhere or thrown at a moment."""
+    """Puts a loose object or a mocap body elsewhere, or throws it, at a moment."""
 
     kind: ClassVar[str] = "move"
 
     body: str = Field(description="A body with a free joint, or a mocap body.")
     position: tuple[Metres, Metres, Metres] | None = Field(default=None, description="Where it is put; x, y, z.")
     velocity: tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] | None = Field(
-        default=None, description="With what velocity; for a body with a free joint."
+        default=None, description="Its velocity then, along x, y and z; for a body with a free joint."
     )
     start: Start = Field(default=0.0, description="A time such as 5 s, or a moment of the reference.")
 
@@ -37,11 +37,8 @@ class Move(Disturbance):
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:  # noqa: ARG002 - all robots
         """Find the body, and set its state when the time has come."""
         model = effects.robot.model
-        try:
+        with placed(f"{where}.body"):
             body = effects.robot.number("body", self.body)
-        except UnknownNameError as error:
-            problem = error.problems[0]
-            raise InputError(Problem("", 0, 0, f"{where}.body", problem.message, problem.hint)) from error
         joint = int(model.body_jntadr[body])
         free = joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
         mocap = int(model.body_mocapid[body])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
 class Noise(Disturbance):
-    """Noise in channels: white, or a drift with a time constant.
+    """Adds noise to what the controller reads of channels: white, or a drift with a time constant.
 
     White noise is n_k = s z_k with z_k from the normal distribution. A drift is the Ornstein-Uhlenbeck process
     n_k = a n_(k-1) + s sqrt(1 - a^2) z_k with a = exp(-dt / drift), whose standard deviation is s as well.
@@ -32,7 +33,7 @@ class Noise(Disturbance):
     )
     drift: Seconds | None = Field(default=None, gt=0, description="Time constant; without it the noise is white.")
     start: Start = Field(default=0.0, description="A time such as 5 s, or a moment of the reference.")
-    duration: Seconds | None = Field(default=None, gt=0, description="To the end if absent.")
+    duration: Seconds | None = Field(default=None, gt=0, description="To the end of the run if absent.")
     stream: int = Field(
         default=0, ge=0, le=1000, description="Noises of other streams do not change the numbers of this one."
     )
@@ -75,7 +76,7 @@ class Noise(Disturbance):
     def _amount(self, effects: Effects, pattern: str, text: str, where: str) -> float:
         """A standard deviation in SI units, if its unit is that of what it is added to."""
         quantity = parse_quantity(text)
-        channels = [each for name, each in effects.robot.channels.items() if _matches(name, pattern)]
+        channels = [each for name, each in effects.robot.channels.items() if fnmatchcase(name, pattern)]
         for channel in channels:
             if channel.unit.dimension != quantity.dimension:
                 message = f"found '{text}', and the channel '{channel.name}' has '{channel.unit}'; allowed: a unit like it"
@@ -94,12 +95,6 @@ class Noise(Disturbance):
         for k in range(1, len(white)):
             drifting[k] = keep * drifting[k - 1] + math.sqrt(1 - keep * keep) * white[k]
         return drifting
-
-
-def _matches(name: str, pattern: str) -> bool:
-    from fnmatch import fnmatchcase
-
-    return fnmatchcase(name, pattern)
 
 
 def _adding(values: Array, places: Sequence[int], first: int, last: int) -> Hook:

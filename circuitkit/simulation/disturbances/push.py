@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError, listing, suggest
+from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.source import describe
 from circuitkit.base.source.fields import Metres, NewtonMetres, Newtons, Seconds
 from circuitkit.base.units import UnitError, parse_quantity, parse_unit
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start
+from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start, placed
 from circuitkit.simulation.reference import Moment
 
 _HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit
@@ -30,8 +30,11 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
 }
 
 
-def check_direction(value: str) -> str:
+def check_direction(value: object) -> str:
     """Refuse an angle of more than once round; words are looked up when the reference is known."""
+    if not isinstance(value, str):
+        message = f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 deg'"
+        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
     if _is_angle(value) and not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
         message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
         raise ValueError(message)
@@ -49,19 +52,19 @@ def _is_angle(text: str) -> bool:
 
 
 class Push(Disturbance):
-    """A force on a body, or a torque, for a while."""
+    """Pushes a body with a force, or turns it with a torque, for a while."""
 
     kind: ClassVar[str] = "push"
     per_robot: ClassVar[bool] = True
 
     body: str = Field(description="A body of the MJCF, or what a block of the robot file calls one, such as torso.")
-    force: Newtons | None = Field(default=None, ge=0)
-    torque: NewtonMetres | None = Field(default=None, ge=0, description="About `direction`, instead of a force.")
-    direction: Annotated[str, AfterValidator(check_direction)] = Field(
-        description="forward, backward, left, right, up, down, what the reference knows (such as inward, towards a "
-        "lifted foot), or an angle: 0 deg is forward, 90 deg to the left."
+    force: Newtons | None = Field(default=None, ge=0, description="Size of the force.")
+    torque: NewtonMetres | None = Field(default=None, ge=0, description="Size of a torque about `direction`, instead of a force.")
+    direction: Annotated[str, BeforeValidator(check_direction)] = Field(
+        description="forward, backward, left, right, up, down, or what the reference knows, or an "
+        "angle: 0 deg is forward, 90 deg to the left."
     )
-    duration: Seconds = Field(gt=0)
+    duration: Seconds = Field(gt=0, description="How long it lasts.")
     height: Metres = Field(
         default=0.0,
         ge=-_HIGHEST_M,
@@ -89,23 +92,29 @@ class Push(Disturbance):
         """Where it acts from the body's centre of mass; shape (3,)."""
         return np.array([0.0, 0.0, self.height] if self.at is None else self.at)
 
+    def first_tick(self, effects: Effects, robot: int, where: str) -> int:
+        """The tick in which it begins."""
+        return int(_begin_s(effects.moment(self.start, where), effects, robot) / effects.step_s)
+
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
         """Add the push to those on the same body."""
-        try:
+        with placed(f"{where}.body"):
             body = effects.robot.number("body", self.body)
-        except UnknownNameError as error:
-            problem = error.problems[0]
-            raise InputError(Problem("", 0, 0, f"{where}.body", problem.message, problem.hint)) from error
         moment = effects.moment(self.start, where)
         way = direction_of(self.direction, moment, f"{where}.direction")
         for i in robots:
-            start = max(moment.time_s + float(effects.shift_s[i]), 0.0)
+            start = _begin_s(moment, effects, i)
             end = start + self.duration
             force = (self.force or 0.0) * way
             turn = self.torque * way if self.torque is not None else None
             _pushes_of(effects).setdefault(body, []).append(_Acting(i, start, end, force, self.lever_m, turn))
             if np.isnan(effects.windows_s[i, 0]):
                 effects.windows_s[i] = start, end
+
+
+def _begin_s(moment: Moment, effects: Effects, robot: int) -> float:
+    """When a robot's push begins: the moment, shifted by the jitter; [s]."""
+    return max(moment.time_s + float(effects.shift_s[robot]), 0.0)
 
 
 def direction_of(name: str, moment: Moment, where: str = "direction") -> Array:

@@ -17,7 +17,7 @@ _STEEPEST = math.radians(30)
 
 
 class Slope(Disturbance):
-    """How much the ground rises, forward and to the left.
+    """Tilts the ground; controllers and references do not know.
 
     The world stays that of the ground, and gravity is turned: u = (sin forward, sin left, z) with |u| = 1 is
     what points up as the ground sees it, and gravity is -g u.
@@ -25,8 +25,12 @@ class Slope(Disturbance):
 
     kind: ClassVar[str] = "slope"
 
-    forward: Radians = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST)
-    left: Radians = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST)
+    forward: Radians = Field(
+        default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="How much the ground rises forward."
+    )
+    left: Radians = Field(
+        default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="How much it rises to the left."
+    )
 
     def up(self) -> Array:
         """The unit vector against gravity in the ground's axes; shape (3,)."""

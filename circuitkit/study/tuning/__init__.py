@@ -1,1 +1,1 @@
-"""Tuning: values of a circuit, a controller or a gait are searched for what does best in many runs."""
+"""Tuning: values of a circuit, a controller or a reference are searched for what does best in many runs."""

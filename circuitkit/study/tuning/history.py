@@ -25,7 +25,7 @@ from circuitkit.draw.style import (
     new_figure,
     save_figure,
 )
-from circuitkit.study.tuning.search import Found, Told
+from circuitkit.study.tuning.search import History, Trial
 from circuitkit.study.tuning.space import Searched
 from circuitkit.study.tuning.spec import Tuning
 
@@ -38,7 +38,7 @@ _HEAD_IN, _TOP_IN, _GAP_IN, _ROW_IN, _TITLE_IN, _FOOT_IN = 0.52, 1.8, 0.5, 0.72,
 _MOST_TICKS = 4
 
 
-def write_table(tuning: Tuning, found: Found, path: Path) -> None:
+def write_table(tuning: Tuning, history: History, path: Path) -> None:
     """Write a CSV with a row for each candidate: its number, objective, figures and values.
 
     Raises:
@@ -48,20 +48,20 @@ def write_table(tuning: Tuning, found: Found, path: Path) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["number", "objective", *terms, *tuning.spec.parameters, "error"])
-    for told in found.told:
-        figures = [f"{figure:.9g}" for figure in told.figures] or [""] * len(terms)
-        value = "" if told.value is None else f"{told.value:.9g}"
-        values = [told.settings.get(name, "") for name in tuning.spec.parameters]
-        writer.writerow([told.number, value, *figures, *values, told.error])
+    for trial in history.trials:
+        figures = [f"{figure:.9g}" for figure in trial.figures] or [""] * len(terms)
+        value = "" if trial.value is None else f"{trial.value:.9g}"
+        values = [trial.settings.get(name, "") for name in tuning.spec.parameters]
+        writer.writerow([trial.number, value, *figures, *values, trial.error])
     write_text(path, text.getvalue())
 
 
-def draw_history(tuning: Tuning, found: Found, best: Told, size: int, path: Path) -> None:
+def draw_history(tuning: Tuning, history: History, best: Trial, size: int, path: Path) -> None:
     """Draw the objective of every candidate with the best so far, and below how each value moved.
 
     Args:
         tuning: What was tuned.
-        found: The candidates.
+        history: The candidates.
         best: The one that was chosen; marked.
         size: How many candidates were measured together.
         path: The picture.
@@ -69,9 +69,9 @@ def draw_history(tuning: Tuning, found: Found, best: Told, size: int, path: Path
     Raises:
         OutputError: It cannot be written.
     """
-    told = [each for each in found.told if each.value is not None]
-    numbers = np.array([each.number for each in told])
-    values = np.array([each.value for each in told], dtype=float)
+    trials = [each for each in history.trials if each.value is not None]
+    numbers = np.array([each.number for each in trials])
+    values = np.array([each.value for each in trials], dtype=float)
     names = list(tuning.spec.parameters)
     rows = -(-len(names) // _COLUMNS)
     height = _HEAD_IN + _TOP_IN + _GAP_IN + rows * (_TITLE_IN + _ROW_IN) + _FOOT_IN
@@ -80,14 +80,14 @@ def draw_history(tuning: Tuning, found: Found, best: Told, size: int, path: Path
     with house_style():
         figure = new_figure(_WIDTH_IN, height)
         top = axes_at(figure, _LEFT_IN, _HEAD_IN, whole, _TOP_IN)
-        _draw_objective(top, numbers, values, best, found)
-        title = f"{tuning.file.study}: {len(found.told)} candidates"
+        _draw_objective(top, numbers, values, best, history)
+        title = f"{tuning.file.study}: {len(history.trials)} candidates"
         figure.text(_LEFT_IN / _WIDTH_IN, 1 - _TITLE_IN / 2 / height, title, fontsize=NORMAL, va="center")
         for place, name in enumerate(names):
             row, column = divmod(place, _COLUMNS)
             down = _HEAD_IN + _TOP_IN + _GAP_IN + row * (_TITLE_IN + _ROW_IN) + _TITLE_IN
             axes = axes_at(figure, _LEFT_IN + column * (width + _BETWEEN_IN), down, width, _ROW_IN)
-            _draw_values(axes, tuning, name, told, best, size)
+            _draw_values(axes, tuning, name, trials, best, size)
             if place + _COLUMNS >= len(names):
                 axes.set_xlabel("candidate")
             else:
@@ -96,18 +96,18 @@ def draw_history(tuning: Tuning, found: Found, best: Told, size: int, path: Path
 
 
 def _draw_objective(
-    axes: Axes, numbers: NDArray[np.int_], values: NDArray[np.float64], best: Told, found: Found
+    axes: Axes, numbers: NDArray[np.int_], values: NDArray[np.float64], best: Trial, history: History
 ) -> None:
     """The objective of every candidate; those far from all others stand at the edge."""
-    so_far = np.maximum.accumulate(values) if found.maximise else np.minimum.accumulate(values)
-    near = np.percentile(values, 5 if found.maximise else 95)
-    low, high = (near, values.max()) if found.maximise else (values.min(), near)
+    so_far = np.maximum.accumulate(values) if history.maximise else np.minimum.accumulate(values)
+    near = np.percentile(values, 5 if history.maximise else 95)
+    low, high = (near, values.max()) if history.maximise else (values.min(), near)
     margin = 0.08 * max(high - low, 1e-9)
     low, high = low - margin, high + margin
     beyond = (values < low) | (values > high)
     axes.plot(numbers[~beyond], values[~beyond], ".", color=GREY, markersize=3.5, label="candidate")
     if beyond.any():
-        edge, marker, word = (low, "v", "below") if found.maximise else (high, "^", "above")
+        edge, marker, word = (low, "v", "below") if history.maximise else (high, "^", "above")
         axes.plot(
             numbers[beyond],
             np.full(beyond.sum(), edge),
@@ -127,11 +127,13 @@ def _draw_objective(
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, frameon=False, borderaxespad=0.2)
 
 
-def _draw_values(axes: Axes, tuning: Tuning, name: str, told: Sequence[Told], best: Told, size: int) -> None:
+def _draw_values(
+    axes: Axes, tuning: Tuning, name: str, trials: Sequence[Trial], best: Trial, size: int
+) -> None:
     """How one value moved: every candidate's, and the median of each generation."""
     searched = tuning.spec.parameters[name]
-    numbers = np.array([each.number for each in told])
-    shown = np.array([searched.plotted(each.settings[name]) for each in told])
+    numbers = np.array([each.number for each in trials])
+    shown = np.array([searched.plotted(each.settings[name]) for each in trials])
     chosen = searched.plotted(best.settings[name])
     axes.plot(numbers, shown, ".", color=GREY, markersize=2.0)
     axes.plot(best.number, chosen, "o", markersize=5, fillstyle="none", color=INK, zorder=3)
@@ -144,7 +146,9 @@ def _draw_values(axes: Axes, tuning: Tuning, name: str, told: Sequence[Told], be
             axes.text(0.02, height + 0.12, str(choice), fontsize=SMALL, va="bottom", transform=across)
         axes.set_ylim(-0.4, len(searched.choices) - 0.2)
         return
-    groups = [slice(i, i + size) for i in range(min(1, len(told) - 1), len(told), size)]  # behind the start
+    groups = [
+        slice(i, i + size) for i in range(min(1, len(trials) - 1), len(trials), size)
+    ]  # behind the start
     middles = [numbers[each].mean() for each in groups]
     axes.plot(middles, [np.median(shown[each]) for each in groups], color=EXCITATORY, linewidth=1.4)
     low, high = searched.ends

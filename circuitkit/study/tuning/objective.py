@@ -39,7 +39,9 @@ class Term(FileModel):
         description="A column of the results: a measure of the scenario, or rms_COMMAND; or limit."
     )
     expression: str | None = Field(
-        default=None, alias="is", description="An expression over channels and time, if the scenario has no such measure."
+        default=None,
+        alias="is",
+        description="An expression over channels and time, if the scenario has no such measure.",
     )
     condition: str = Field(
         default="survived", alias="while", description="Of limit: the measure that must be true of a run."
@@ -131,10 +133,8 @@ def columns(row: Row) -> list[str]:
     ]
 
 
-def limit(
-    conditions: Sequence[Condition], rows: Sequence[Sequence[Row]], measure: str = "survived"
-) -> float:
-    """Mean over the cells of the largest factor up to which a measure holds in all runs; 0 where it does in none."""
+def limit(conditions: Sequence[Condition], rows: Sequence[Sequence[Row]], measure: str = "survived") -> float:
+    """Mean over the cells of the largest factor up to which a measure holds in all runs; 0 if in none."""
     largest: dict[tuple[tuple[str, str], ...], float] = {}
     over: set[tuple[tuple[str, str], ...]] = set()
     for condition, each in zip(conditions, rows, strict=True):
@@ -179,6 +179,8 @@ def score(
     """
     names = list(conditions)
     sets = [term.runs or names[0] for term in terms]
-    figures = tuple(term.figure_of(conditions[name], rows[name]) for term, name in zip(terms, sets, strict=True))
+    figures = tuple(
+        term.figure_of(conditions[name], rows[name]) for term, name in zip(terms, sets, strict=True)
+    )
     value = sum(term.part(figure) for term, figure in zip(terms, figures, strict=True))
     return Score(value, figures, sum(len(each) for sets_ in rows.values() for each in sets_))

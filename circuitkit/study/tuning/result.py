@@ -17,14 +17,13 @@ from circuitkit.circuit import load_circuit, parse_circuit, read_circuit
 from circuitkit.circuit.authoring.difference import compare_circuits
 from circuitkit.circuit.authoring.flat import flat_document
 from circuitkit.circuit.authoring.formatting import format_text
-from circuitkit.circuit.load import FOLDER
-from circuitkit.circuit.parts import Module
+from circuitkit.circuit.parts import FOLDER, Module
 from circuitkit.control.spec import FOLDER as CONTROLLERS
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.study.tuning.objective import Score, Term
 from circuitkit.study.tuning.rewriting import ElsewhereError, changed_circuit, changed_file, commented
 from circuitkit.study.tuning.runs import in_words
-from circuitkit.study.tuning.search import Found, Told
+from circuitkit.study.tuning.search import History, Trial
 from circuitkit.study.tuning.spec import TuneSpec, Tuning
 
 _WIDTH = 110
@@ -153,21 +152,21 @@ def _including(
 
 
 def provenance(
-    tuning: Tuning, found: Found, best: Told, confirmed: Score | None, test: Score | None
+    tuning: Tuning, history: History, best: Trial, confirmed: Score | None, test: Score | None
 ) -> list[str]:
     """Where the numbers of a result come from, as lines of a comment.
 
     Args:
         tuning: What was tuned.
-        found: The candidates.
+        history: The candidates.
         best: The one that was chosen.
         confirmed: What the runs said by which it was chosen among the best; None without such.
         test: What the test says; None if it was not run.
     """
     spec, file = tuning.spec, tuning.file
-    ended = ", ended early" if found.interrupted else ""
+    ended = ", ended early" if history.interrupted else ""
     train = Score(best.value or 0.0, best.figures, best.runs)
-    by = f"{spec.sampler}, seed {spec.seed}, {len(found.told)} candidates{ended}; number {best.number}"
+    by = f"{spec.sampler}, seed {spec.seed}, {len(history.trials)} candidates{ended}; number {best.number}"
     command = f"circuitkit tune {Path(tuning.document.path).name}"
     sentences = [
         f"Found by circuitkit {circuitkit.__version__}: {command} (study {file.study}; {by}).",

@@ -112,7 +112,9 @@ def make_runs(
             given = {**study.file.set, **cell.settings}
             for factor in factors:
                 settings = {**cell.settings, path: _scaled(given, path, factor, document, place)}
-                conditions.append(Condition(cell.texts, factor, settings, {path: (*place, "scale", path)} | places))
+                conditions.append(
+                    Condition(cell.texts, factor, settings, {path: (*place, "scale", path)} | places)
+                )
         if not spec.scale:
             conditions.append(Condition(cell.texts, 1.0, cell.settings, places))
     return Runs(name, study, tuple(conditions), seeds.each())

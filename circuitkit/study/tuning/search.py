@@ -92,7 +92,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Told:
+class Trial:
     """A candidate that was measured.
 
     Attributes:
@@ -113,33 +113,33 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a search has found.
+class History:
+    """What a search has measured so far.
 
     Attributes:
-        told: The candidates that were measured, in the order of being proposed.
+        trials: The candidates that were measured, in the order of being proposed.
         maximise: Whether more is better.
         interrupted: Whether Ctrl-C ended it.
     """
 
-    told: tuple[Told, ...]
+    trials: tuple[Trial, ...]
     maximise: bool
     interrupted: bool = False
 
-    def ranking(self) -> list[Told]:
+    def ranking(self) -> list[Trial]:
         """The candidates, best first, each once; of equally good ones the earlier one."""
         sign = -1.0 if self.maximise else 1.0
         order = sorted(
-            (each for each in self.told if each.value is not None),
+            (each for each in self.trials if each.value is not None),
             key=lambda each: (sign * (each.value or 0.0), each.number),
         )
-        unique: dict[str, Told] = {}
+        unique: dict[str, Trial] = {}
         for each in order:
             unique.setdefault(json.dumps(dict(each.settings)), each)
         return list(unique.values())
 
     @property
-    def best(self) -> Told:
+    def best(self) -> Trial:
         """The best candidate.
 
         Raises:
@@ -147,7 +147,7 @@ class Found:
         """
         ranking = self.ranking()
         if not ranking:
-            reasons = "; ".join(dict.fromkeys(each.error for each in self.told if each.error))
+            reasons = "; ".join(dict.fromkeys(each.error for each in self.trials if each.error))
             message = f"no candidate could be measured{f': {reasons}' if reasons else ''}"
             raise SimulationError(message)
         return ranking[0]
@@ -161,11 +161,11 @@ def run_search(
     *,
     resume: bool = False,
     folder: Path | None = None,
-    before: Callable[[Found, int], object] | None = None,
-) -> Found:
+    before: Callable[[History, int], object] | None = None,
+) -> History:
     """Search until so many candidates have been measured, those of earlier runs included.
 
-    A generation is always measured as a whole. Ctrl-C ends it early; what has been told is kept.
+    A generation is always measured as a whole. Ctrl-C ends it early; what has been measured is kept.
 
     Args:
         search: What is searched.
@@ -174,8 +174,8 @@ def run_search(
         evaluate: Measures candidates together.
         resume: Go on with what the storage has, instead of refusing it.
         folder: Where the storage lies, if it is the folder that the user named, not the storage.
-        before: Is told what has been found before each generation, and how many candidates that has; 0 at the
-            end.
+        before: Gets what has been measured before each generation, and how many candidates that has; 0 at
+            the end.
 
     Raises:
         InputError: The storage has a study of this name already, or one with another definition; or it cannot
@@ -184,27 +184,27 @@ def run_search(
     """
     study = _open(search, storage, folder, resume=resume)
     proposer = _Proposer(search, study)
-    found = _found(search, study)
+    history = _history(search, study)
     try:
         while generation := _whole(partial(proposer.propose, trials)):
             if before is not None:
-                before(found, len(generation))
+                before(history, len(generation))
             scores = evaluate([texts(search.parameters, trial.params) for trial in generation])
-            _whole(partial(_tell_all, search, study, generation, scores))
-            found = _found(search, study)
+            _whole(partial(_keep_all, search, study, generation, scores))
+            history = _history(search, study)
             failures = [score for score in scores if isinstance(score, CircuitkitError)]
             if len(failures) == len(generation):
                 raise failures[0]
     except KeyboardInterrupt:
-        return Found(_found(search, study).told, search.maximise, interrupted=True)
+        return History(_history(search, study).trials, search.maximise, interrupted=True)
     if before is not None:
-        before(found, 0)
-    return found
+        before(history, 0)
+    return history
 
 
 def _open(search: Search, storage: str, folder: Path | None, *, resume: bool) -> optuna.Study:
     """The study in its storage, new or to be resumed."""
-    from sqlalchemy.exc import SQLAlchemyError
+    from sqlalchemy.exc import SQLAlchemyError  # comes with Optuna
 
     other = "storage" if folder is None else "folder"
     direction: Literal["maximize", "minimize"] = "maximize" if search.maximise else "minimize"
@@ -327,7 +327,7 @@ class _Proposer:
         return optuna.samplers.TPESampler(seed=seed)
 
 
-def _tell_all(
+def _keep_all(
     search: Search,
     study: optuna.Study,
     generation: Sequence[FrozenTrial],
@@ -335,7 +335,7 @@ def _tell_all(
 ) -> None:
     """Keep the scores of a generation."""
     for trial, score in zip(generation, scores, strict=True):
-        _tell(search, study, trial, score)
+        _keep(search, study, trial, score)
 
 
 def _whole(work: Callable[[], T]) -> T:
@@ -353,7 +353,7 @@ def _whole(work: Callable[[], T]) -> T:
     return result
 
 
-def _tell(search: Search, study: optuna.Study, trial: FrozenTrial, score: Score | CircuitkitError) -> None:
+def _keep(search: Search, study: optuna.Study, trial: FrozenTrial, score: Score | CircuitkitError) -> None:
     """Keep the score of a candidate."""
     known: dict[str, Any] = {"settings": texts(search.parameters, trial.params)}
     value: float | None = None
@@ -368,14 +368,14 @@ def _tell(search: Search, study: optuna.Study, trial: FrozenTrial, score: Score 
     study.tell(trial.number, value, state=TrialState.FAIL if value is None else None)
 
 
-def _found(search: Search, study: optuna.Study) -> Found:
-    told = []
+def _history(search: Search, study: optuna.Study) -> History:
+    trials = []
     for trial in study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.FAIL)):
         if known := trial.user_attrs.get(_KNOWN):
             figures, runs = tuple(known.get("figures", ())), known.get("runs", 0)
             error = known.get("error", "")
-            told.append(Told(trial.number, known["settings"], trial.value, figures, runs, error))
-    return Found(tuple(sorted(told, key=lambda each: each.number)), search.maximise)
+            trials.append(Trial(trial.number, known["settings"], trial.value, figures, runs, error))
+    return History(tuple(sorted(trials, key=lambda each: each.number)), search.maximise)
 
 
 def silence_optuna(*, verbose: bool) -> None:

@@ -113,14 +113,14 @@ class Searched(FileModel):
 
     def distribution(self) -> BaseDistribution:
         """The same for Optuna."""
-        from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+        from optuna import distributions as optuna  # an extra
 
         if self.choices is not None:
-            return CategoricalDistribution([str(each) for each in self.choices])
+            return optuna.CategoricalDistribution([str(each) for each in self.choices])
         low, high = sorted(-end for end in self.ends) if self._mirrored else self.ends
         if self.whole:
-            return IntDistribution(round(low), round(high), log=self.log)
-        return FloatDistribution(low, high, log=self.log)
+            return optuna.IntDistribution(round(low), round(high), log=self.log)
+        return optuna.FloatDistribution(low, high, log=self.log)
 
     def text(self, value: Any) -> str:  # noqa: ANN401 - what Optuna's distributions hold
         """What stands in a circuit file or behind `--set` for a value of the distribution."""

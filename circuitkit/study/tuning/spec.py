@@ -65,7 +65,10 @@ class TuneSpec(FileModel):
     circuit: str | None = Field(default=None, description="A circuit: a shipped one, or its path.")
     controller: str | None = Field(default=None, description="Instead: a controller file.")
     reference: dict[str, str] | None = Field(
-        default=None, min_length=1, max_length=1, description="Instead: the file of a reference, such as {gait: FILE}."
+        default=None,
+        min_length=1,
+        max_length=1,
+        description="Instead: the file of a reference, such as {KIND: FILE}.",
     )
     parameters: dict[str, Searched] = Field(
         min_length=1, description="What is searched: values of the file by name, as --set takes them."

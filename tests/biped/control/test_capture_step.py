@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from walking import a_push, assert_same_bits, plan_of, walk_alone
+from walking import a_push, assert_same_bits, interface_of, known_of, plan_of, walk_all, walk_alone
 
 from circuitkit.base.errors import InputError
 from circuitkit.base.source import find_data_file
-from circuitkit.control import load_controller
 from circuitkit.biped.control.capture_step import dcm_at_end, holdable_dcm
 from circuitkit.biped.gait.lipm import natural_frequency
-from circuitkit.simulation.disturbance import Trial
-from circuitkit.simulation.loop import run_loop
+from circuitkit.control import load_controller
+from circuitkit.simulation import RunSpec
 
 OMEGA, DT = natural_frequency(0.27), 0.01
 FOOT, PERIOD = 0.059, 0.55  # where the ZMP is under each foot, and how long each carries
@@ -105,7 +104,7 @@ NUMBERS = {
 
 @pytest.fixture(scope="module")
 def reference():
-    return plan_of(duration=3.0).reference()
+    return known_of(plan_of(duration=3.0))
 
 
 class Fed:
@@ -113,7 +112,7 @@ class Fed:
 
     def __init__(self, reference, batch=1, **changes):
         self.reference, self.batch, self.tick = reference, batch, 0
-        self.controller = load_controller("stepping", NUMBERS | changes).build(reference)
+        self.controller = load_controller("stepping", NUMBERS | changes).bind(interface_of(reference))
         self.controller.reset(batch)
         self.trace = np.zeros((batch, len(self.controller.trace_names)))
 
@@ -131,7 +130,8 @@ class Fed:
 
     def step(self, error_m=0.0):
         """The commands by name; each of shape (B,)."""
-        commands = self.controller.step(self.seen(error_m), self.trace)
+        commands = self.controller.step(self.seen(error_m))
+        self.controller.store_trace(self.trace)
         self.tick += 1
         return dict(zip(self.controller.commands, commands.T.copy(), strict=True))
 
@@ -256,7 +256,7 @@ def test_a_missing_reading_holds_that_robot_only(reference):
     alone.step(-0.2)
     rows = fed.seen(0.0)
     rows[0] = np.nan
-    commands = fed.controller.step(rows, fed.trace)
+    commands = fed.controller.step(rows)
     expected = alone.step(0.0)
     for i, name in enumerate(fed.controller.commands):
         assert commands[0, i] == held[name][0]
@@ -281,29 +281,29 @@ def test_undisturbed_it_walks_as_under_the_ankle_circuit_alone():
 @pytest.mark.parametrize(("direction", "force_n"), [("inward", 31.0), ("outward", 13.5)])
 def test_a_push_that_fells_the_ankles_alone_is_survived_with_a_step(direction, force_n):
     push = a_push(force=force_n, direction=direction, duration=0.2, step=2)
-    plan = plan_of(load_controller("stepping").ankle_circuit, duration=6.5, pushes=(push,))
+    plan = plan_of(load_controller("stepping").ankle_circuit, duration=6.5, disturbances=(push,))
     alone, stepping = walk_alone(plan, "circuit"), walk_alone(plan, "stepping")
-    assert alone.ticks < plan.walk.ticks, "it fell"
-    assert stepping.ticks == plan.walk.ticks, "it stands"
+    assert alone.ticks < plan.ticks, "it fell"
+    assert stepping.ticks == plan.ticks, "it stands"
     side = stepping.trace_names.index("step_share_left" if direction == "outward" else "step_share_right")
     acting = np.flatnonzero(stepping.trace[:, 0, side])
-    begin = stepping.fates.windows_s[0, 0] / 0.01
+    begin = stepping.effects.windows_s[0, 0] / 0.01
     assert begin < acting[0] < begin + 15
     assert stepping.commands[-1, 0, -4:] == pytest.approx(0.0, abs=0.02), "the feet came back"
 
 
 def test_every_robot_of_a_batch_gets_the_bits_that_it_gets_alone():
     plan = plan_of(duration=2.2)
-    trials = [Trial(seed, (a_push(force=force, step=1),)) for seed, force in ((3, 30.0), (4, 6.0))]
-    both = run_loop(plan.setup("stepping", trials))
+    specs = [RunSpec(seed, (a_push(force=force, step=1),)) for seed, force in ((3, 30.0), (4, 6.0))]
+    both = walk_all(plan, "stepping", specs)
     assert both.commands[:, 0, -4:].any(), "the first one is pushed so hard that it steps"
-    assert_same_bits(both, run_loop(plan.setup("stepping", trials[:1])), (0,))
-    assert_same_bits(both, run_loop(plan.setup("stepping", trials[1:])), (1,))
+    assert_same_bits(both, walk_all(plan, "stepping", specs[:1]), (0,))
+    assert_same_bits(both, walk_all(plan, "stepping", specs[1:]), (1,))
 
 
 def test_a_circuit_that_does_not_answer_cannot_decide(reference):
     with pytest.raises(InputError) as caught:
-        load_controller("stepping", {"hand_over": "winner_take_all"}).build(reference)
+        load_controller("stepping", {"hand_over": "winner_take_all"}).bind(interface_of(reference))
     problem = caught.value.problems[0]
     assert problem.file.endswith("winner_take_all.yaml")
     assert problem.where == "outputs"

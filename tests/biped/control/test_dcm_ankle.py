@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from walking import plan_of
+from walking import interface_of, known_of, plan_of
 
 from circuitkit.control import load_controller
 
 
 @pytest.fixture(scope="module")
 def reference():
-    return plan_of(duration=2.0).reference()
+    return known_of(plan_of(duration=2.0))
 
 
 def build(reference, **changes):
     """The shipped controller, on a robot that keeps its plan exactly, with changes."""
     exact = {"derivative": "0 rad*s/m", "walk_delay": "0 s", "walk_sway": "100 %"}
-    return load_controller(
-        "dcm_ankle", {f"lateral.{key}": value for key, value in (exact | changes).items()}
-    ).build(reference)
+    spec = load_controller("dcm_ankle", {f"lateral.{key}": value for key, value in (exact | changes).items()})
+    return spec.bind(interface_of(reference))
 
 
 def planned(reference, tick, *, com=0.0, velocity=0.0, batch=1):
@@ -34,8 +33,7 @@ def planned(reference, tick, *, com=0.0, velocity=0.0, batch=1):
 
 
 def run(controller, rows):
-    trace = np.zeros((len(rows[0]), len(controller.trace_names)))
-    return np.array([controller.step(row, trace).copy() for row in rows])
+    return np.array([controller.step(row).copy() for row in rows])
 
 
 def test_on_the_plan_it_adds_nothing(reference):
@@ -76,7 +74,7 @@ def test_the_error_is_from_the_walk_as_the_robot_is_known_to_walk(reference):
 
 def test_to_lean_forward_the_ankles_pitch_the_other_way(reference):
     spec = load_controller("dcm_ankle", {"sagittal": {"proportional": "8 rad/m", "limit": "15 deg"}})
-    controller = spec.build(reference)
+    controller = spec.bind(interface_of(reference))
     assert controller.commands == ("ankle_roll", "ankle_pitch")
     assert controller.observations[:2] == ("com_y", "com_x")
     y, vy, fy = planned(reference, 0)[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from walking import plan_of
+from walking import known_of, plan_of
 
 from circuitkit.biped.gait import LEFT, RIGHT
 from circuitkit.biped.gait.lipm import zmp_from_com
@@ -17,14 +17,14 @@ def plan():
 
 @pytest.fixture(scope="module")
 def reference(plan):
-    return plan.reference()
+    return known_of(plan)
 
 
 def test_it_is_the_walks_own_plan_and_goes_on_after_its_end(plan, reference):
-    ticks = plan.walk.ticks
+    ticks = known_of(plan).walk.ticks
     for name in ("zmp_m", "left_load", "phase", "support", "feet_x_m"):
         np.testing.assert_allclose(
-            getattr(reference.schedule, name)[:ticks], getattr(plan.walk.schedule, name), atol=1e-12
+            getattr(reference.schedule, name)[:ticks], getattr(known_of(plan).walk.schedule, name), atol=1e-12
         )
     assert len(reference.com_m) == len(reference.low_m) == ticks + 300
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from walking import plan_of
+from walking import known_of, plan_of
 
 from circuitkit.biped.control.sensed_com import CommandAxis
 from circuitkit.biped.control.state_feedback import AngleFeedback, Calibration, ComFeedback
@@ -14,7 +14,7 @@ LATERAL = [CommandAxis("lateral")]
 
 @pytest.fixture(scope="module")
 def reference():
-    return plan_of(duration=2.5).reference()
+    return known_of(plan_of(duration=2.5))
 
 
 def test_the_true_com_is_compared_with_the_walk_as_it_is_known_to_be(reference):

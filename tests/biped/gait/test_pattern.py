@@ -16,7 +16,7 @@ from circuitkit.biped.gait import LEG_JOINTS, SIDES, LegGeometry, Schedule, load
 from circuitkit.biped.gait.pattern import joint_angles
 from circuitkit.robots import load_robot
 
-LEGS = load_robot("nao").legs.geometry()
+LEGS = load_robot("nao").biped.legs.geometry()
 DT = 0.01
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
+from typing import ClassVar
 
+from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.paper.reproduce.job import Effort
 
 # The smallest PNG there is: one pixel.
 PIXEL = base64.b64decode(
@@ -49,19 +50,23 @@ def drawn(folder, figure="fig9"):
     (folder / f"{figure}.png").write_bytes(PIXEL)
 
 
-class MadeUpFigure:
-    """A figure's module that counts how often it is made."""
+def made_up_figure(number=0):
+    """A figure that keeps the jobs for which it is made, and raises its `error` if it has one."""
 
-    TITLE = "Made up"
-    EFFORT = Effort(full_s=100.0, quick_s=10.0)
+    class MadeUp(ReportFigure):
+        kind = "made_up"
+        order = number
+        title = "Made up"
+        effort = Effort(full_s=100.0, quick_s=10.0)
+        jobs: ClassVar[list] = []
+        error = None
 
-    def __init__(self, error=None):
-        self.jobs = []
-        self.error = error
+        def run(self, job):
+            self.jobs.append(job)
+            if self.error is not None:
+                raise self.error
+            drawn(job.folder, job.figure)
+            return a_finding(job.figure)
 
-    def run(self, job):
-        self.jobs.append(job)
-        if self.error is not None:
-            raise self.error
-        drawn(job.folder, job.figure)
-        return a_finding(job.figure)
+    MadeUp.jobs = []
+    return MadeUp

@@ -9,10 +9,10 @@ import pytest
 
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.silencing import silence
-from circuitkit.study import load_study
 from circuitkit.paper.reproduce import ablation, robustness
 from circuitkit.paper.reproduce.each_seed import Ratio, paired_ratio
 from circuitkit.paper.reproduce.finding import Verdict
+from circuitkit.study import load_study
 
 
 def test_the_ratio_is_that_of_the_means_over_pushes_and_seeds():

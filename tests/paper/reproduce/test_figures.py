@@ -5,27 +5,26 @@ from __future__ import annotations
 import pytest
 from matplotlib.image import imread
 
-from circuitkit.study import load_study
 from circuitkit.paper.reproduce import ablation, fig9, fig10, fig11, pushed_walk, robustness
 from circuitkit.paper.reproduce.finding import Finding, Verdict
 from circuitkit.paper.reproduce.job import Job
+from circuitkit.study import CaseBuilder, load_study
 
 STEP_N = 16.0
 COARSE = {
     "watch": "1 s",
     "search": {"step": f"{STEP_N:g} N"},
-    "set": {"pushes[0].start.step": 2},
+    "set": {"push.start.step": 2},
 }
 
 
 def make(figure, folder):
     """Make a figure coarsely in this process; it is as complete as the report needs it."""
-    name = figure.__name__.rpartition(".")[2]
-    finding = figure.run(Job(name, folder, quick=True, workers=1))
+    finding = figure().run(Job(figure.kind, folder, quick=True, workers=1))
     finding.save(folder)
     again, _ = Finding.load(folder)
     assert again.claims == finding.claims
-    assert finding.title == figure.TITLE
+    assert finding.title == figure.title
     assert finding.text
     assert finding.seeds.startswith("seeds 0 to ")
     assert finding.claims
@@ -52,7 +51,7 @@ def few_seeds(monkeypatch):
 
 @pytest.mark.usefixtures("few_seeds")
 def test_fig9_the_push_of_section_5_2_fells_the_open_loop_and_not_the_tuned_circuit(tmp_path):
-    finding = make(fig9, tmp_path)
+    finding = make(fig9.Fig9, tmp_path)
     verdicts = [claim.verdict for claim in finding.claims]
     assert verdicts[0] is Verdict.HOLDS
     assert verdicts[2] is Verdict.HOLDS
@@ -62,7 +61,7 @@ def test_fig9_the_push_of_section_5_2_fells_the_open_loop_and_not_the_tuned_circ
 
 @pytest.mark.usefixtures("few_seeds")
 def test_fig10_times_outside_fit_together(tmp_path):
-    finding = make(fig10, tmp_path)
+    finding = make(fig10.Fig10, tmp_path)
     for runs in (finding.data["by_cells"], finding.data["by_pressure"]):
         assert len(runs) == 2
         for times in runs:
@@ -76,15 +75,15 @@ def test_fig11_forces_lie_on_the_grid_and_below_what_is_possible(tmp_path, monke
     cut = {
         "axes": {
             "contender": ["open_loop", "mpc", "mpc_full", "binn", "binn_tuned", "binn_capture"],
-            "pushes[0].duration": ["0.2 s"],
+            "push.duration": ["0.2 s"],
         },
         "seeds": {"count": 1},
         "search": {"step": "32 N", "check_below": 0},
     }
     monkeypatch.setattr(fig11, "_QUICK", COARSE | cut)
-    com = {"axes": {"contender": ["binn_capture"], "pushes[0].duration": ["0.2 s"]}}
-    monkeypatch.setattr(fig11, "_QUICK_COM", {**COARSE, **cut, **com, "set": {"pushes[0].start.step": 2}})
-    finding = make(fig11, tmp_path)
+    com = {"axes": {"contender": ["binn_capture"], "push.duration": ["0.2 s"]}}
+    monkeypatch.setattr(fig11, "_QUICK_COM", {**COARSE, **cut, **com, "set": {"push.start.step": 2}})
+    finding = make(fig11.Fig11, tmp_path)
     forces, bounds = finding.data["largest_survived_n"], finding.data["dcm_bound_n"]
     assert len(forces) == 6 * 2
     assert {row["contender"] for row in bounds} == {"torso", "centre of mass"}
@@ -98,9 +97,9 @@ def test_fig11_forces_lie_on_the_grid_and_below_what_is_possible(tmp_path, monke
 
 def test_robustness_compares_all_in_every_condition(tmp_path, monkeypatch):
     conditions = ["nominal", "mass +10 %"]
-    cut = {"axes": {"condition": conditions, "pushes[0].direction": ["inward"]}, "seeds": {"count": 2}}
+    cut = {"axes": {"condition": conditions, "push.direction": ["inward"]}, "seeds": {"count": 2}}
     monkeypatch.setattr(robustness, "_QUICK", COARSE | cut)
-    finding = make(robustness, tmp_path)
+    finding = make(robustness.Robustness, tmp_path)
     assert list(finding.data) == ["binn_tuned", "binn_capture"]
     for own in finding.data.values():
         assert list(own) == conditions
@@ -110,11 +109,11 @@ def test_robustness_compares_all_in_every_condition(tmp_path, monkeypatch):
 
 def test_every_condition_of_the_robustness_study_can_be_run():
     study = load_study("robustness")
-    cells = [c for c in study.cells if c.labels["pushes[0].direction"] == "inward"]
-    points = {
-        c.labels["condition"]: study.point_of(c, "10 N") for c in cells if "binn" in c.texts["contender"]
+    cells = [c for c in study.cells if c.labels["push.direction"] == "inward"]
+    cases = CaseBuilder(study)
+    keys = {
+        c.labels["condition"]: cases.of_cell(c, "10 N").key for c in cells if "binn" in c.texts["contender"]
     }
-    keys = {name: point.key for name, point in points.items()}
     assert len(set(keys.values())) == len(keys)  # no two conditions are the same world
     assert len(keys) >= 25
 
@@ -123,9 +122,9 @@ def test_ablation_sets_lesions_between_the_whole_circuit_and_none(tmp_path, monk
     monkeypatch.setattr(ablation, "neurons_of", lambda _: {"q3": ("q3",), "p1": ("p1",)})
     ends = {"q3 -> p1": ("q3 -> p1",), "p1 -> ankle_roll": ("p1 -> ankle_roll",)}
     monkeypatch.setattr(ablation, "connections_of", lambda _: ends)
-    axes = {"circuit": ["binn_lateral_tuned"], "pushes[0].start.step": [2], "pushes[0].direction": ["inward"]}
+    axes = {"circuit": ["binn_lateral_tuned"], "push.start.step": [2], "push.direction": ["inward"]}
     monkeypatch.setattr(ablation, "_QUICK", {**COARSE, "axes": axes, "seeds": {"count": 1}, "set": {}})
-    finding = make(ablation, tmp_path)
+    finding = make(ablation.Ablation, tmp_path)
     found = finding.data["binn_lateral_tuned"]
     assert list(found) == ["nothing", "everything", "q3", "p1", "q3 -> p1", "p1 -> ankle_roll"]
     assert found["nothing"]["value"] == 1.0

@@ -10,19 +10,20 @@ from matplotlib.image import imread
 
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.silencing import silence
-from circuitkit.simulation import load_scenario, make_plan
 from circuitkit.paper.reproduce import fig5, fig6, fig7, fig8, timing
 from circuitkit.paper.reproduce.answers import settled_answers
 from circuitkit.paper.reproduce.fig7 import Plane
 from circuitkit.paper.reproduce.finding import Finding, Verdict
 from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.timing import Times, network_steps, time_in_the_loop, time_in_turns
+from circuitkit.simulation import load_scenario, make_plan
+from circuitkit.simulation.scenario import with_push
+from circuitkit.study import CaseBuilder
 
 
 def make(figure, folder):
     """Make a figure coarsely; it is as complete as the report needs it."""
-    name = figure.__name__.rpartition(".")[2]
-    finding = figure.run(Job(name, folder, quick=True, workers=1))
+    finding = figure().run(Job(figure.kind, folder, quick=True, workers=1))
     finding.save(folder)
     again, _ = Finding.load(folder)
     assert again.claims == finding.claims
@@ -48,7 +49,7 @@ def verdicts(finding):
 
 
 def test_fig5_the_network_is_that_of_section_4_2(tmp_path):
-    finding = make(fig5, tmp_path)
+    finding = make(fig5.Fig5, tmp_path)
     assert set(verdicts(finding)) == {Verdict.HOLDS}
     assert len(finding.data["neurons"]) == 11
     assert len(finding.data["connections"]) == 18
@@ -84,7 +85,7 @@ def test_answers_are_mirrored():
 
 
 def test_fig6_the_curves_do_what_the_text_says(tmp_path):
-    finding = make(fig6, tmp_path)
+    finding = make(fig6.Fig6, tmp_path)
     assert set(verdicts(finding)) == {Verdict.HOLDS}
     inside = finding.data["q_inside_edge"]
     assert inside["0.0"] == 0.5
@@ -123,13 +124,13 @@ def test_both_bounds_count_that_of_the_push_on_the_torso_and_that_at_the_com(hel
 
 def test_fig7_from_a_few_runs_to_the_pictures(tmp_path, monkeypatch):
     cut = {
-        "axes": {"circuit.w": ["-0.5 deg", "1.63 deg"], "pushes[0].force": ["4 N", "22 N"]},
+        "axes": {"circuit.w": ["-0.5 deg", "1.63 deg"], "push.force": ["4 N", "22 N"]},
         "seeds": {"count": 1},
-        "set": {"pushes[0].start.step": 2},
+        "set": {"push.start.step": 2},
         "watch": "1 s",
     }
     monkeypatch.setattr(fig7, "_QUICK", cut)
-    finding = make(fig7, tmp_path)
+    finding = make(fig7.Fig7, tmp_path)
     assert verdicts(finding)[:4] == [Verdict.HOLDS, Verdict.PARTLY, Verdict.FAILS, Verdict.HOLDS]
     assert finding.data["eq_21_weight_rad"] == pytest.approx(math.radians(1.655), rel=1e-3)
     for plane in finding.data["planes"].values():
@@ -144,8 +145,8 @@ def test_every_cell_of_the_study_of_fig7_can_be_run():
     study = fig7.load_study(fig7.STUDY)
     labels = {cell.labels["circuit.w"] for cell in study.cells}
     assert {-weight for weight in labels} == labels  # both signs alike
-    point = study.point_of(study.cells[0])
-    assert float(point.plan().circuit.parameters["leak"].value_si) == 0.04
+    circuit = CaseBuilder(study).of_cell(study.cells[0]).circuits.used
+    assert float(circuit.parameters["leak"].value_si) == 0.04
     assert list(study.seeds) == list(range(20))
 
 
@@ -178,9 +179,6 @@ class CountingProgram:
     def __init__(self):
         self.rows = []
 
-    def stepper(self, _batch):
-        return self
-
     def step(self, row):
         self.rows.append(row.copy())
 
@@ -188,6 +186,7 @@ class CountingProgram:
 def test_every_step_that_is_timed_is_done_with_other_inputs(monkeypatch):
     program = CountingProgram()
     monkeypatch.setattr(timing, "compile_circuit", lambda *_: program)
+    monkeypatch.setattr(timing, "Stepper", lambda found, _batch: found)
     steps = network_steps("binn_lateral", "numpy")
     steps(1500)
     rows = np.array(program.rows)
@@ -221,10 +220,11 @@ def test_the_solves_that_are_timed_meet_bounds(monkeypatch):
 
 def test_controllers_are_timed_in_the_loop_and_do_the_same_there():
     scenario = load_scenario("nao_push")
-    push = scenario.pushes[0].model_copy(
-        update={"start": scenario.pushes[0].start.model_copy(update={"step": 0})}
+    push = scenario.pushes[0]
+    early = push.model_copy(update={"start": {**push.start, "step": 0}})
+    plan = make_plan(
+        scenario.with_disturbances(with_push(scenario, early)).model_copy(update={"duration": 2.0})
     )
-    plan = make_plan(scenario.model_copy(update={"duration": 2.0, "pushes": (push,)}))
     times = time_in_the_loop(plan, ("circuit", "open_loop"), range(2))
     assert [times[name].steps for name in times] == [200, 200]
     assert all(0 < mean < 0.05 for each in times.values() for mean in each.means_s)
@@ -238,7 +238,7 @@ def test_fig8_tells_times_as_parts_of_the_paper_s(tmp_path, monkeypatch):
     loop = dict.fromkeys(("circuit", "mpc", "mpc_full", "dcm_ankle"), made["solve"])
     monkeypatch.setattr(fig8, "time_in_turns", lambda works, runs: made if runs == 20 and works else {})
     monkeypatch.setattr(fig8, "time_in_the_loop", lambda *_: loop)
-    finding = make(fig8, tmp_path)
+    finding = make(fig8.Fig8, tmp_path)
     mean, variation, part, others, solve = finding.claims
     assert (mean.ours, mean.verdict) == ("0.00010 ms in C, 0.0025 ms in numpy", Verdict.HOLDS)
     assert (variation.ours, variation.verdict) == ("0.058 % in C, 20 % in numpy", Verdict.PARTLY)

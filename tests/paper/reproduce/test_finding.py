@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from study.reproduce.made_up import a_claim, a_finding, drawn
+from paper.reproduce.made_up import a_claim, a_finding, drawn
 
 from circuitkit.paper.reproduce.finding import FINDING_FILE, Finding, Verdict, agrees, all_hold, reaches
 

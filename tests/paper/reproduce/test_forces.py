@@ -116,7 +116,7 @@ def test_what_is_short_of_the_bound_or_of_the_better_mpc_does_not_hold_in_part()
 def test_more_than_the_mpc_by_knowing_more_is_said_to_be_that():
     claims = {claim.claim: claim for claim in claims_of(paper_like(), paper_like(), 20)}
     why = claims["The BiNN (reading the capture point) is on average 52.55 % better than the MPC"].why
-    assert why.startswith("It is told the true centre of mass, which this MPC is not")
+    assert why.startswith("It reads the true centre of mass, which this MPC is not")
     assert not claims[BETTER].why
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.study import make_study
 from circuitkit.paper.reproduce.job import Job
+from circuitkit.study import make_study
 
 
 def study(**changes):
@@ -15,16 +15,16 @@ def study(**changes):
             "study": "tiny",
             "scenario": "nao_push",
             "watch": "0.3 s",
-            "set": {"pushes[0].start.step": 0, "gait": "gait_march"},
+            "set": {"push.start.step": 0, "reference.gait": "gait_march"},
             "axes": {
                 "contender": {
                     "open_loop": {"controller": "open_loop"},
                     "binn": {"controller": "circuit", "circuit": "binn_lateral"},
                 },
-                "pushes[0].direction": ["outward", "inward"],
+                "push.direction": ["outward", "inward"],
             },
             "seeds": {"first": 0, "count": 1},
-            "search": {"field": "pushes[0].force", "low": "0 N", "high": "40 N", "step": "40 N"},
+            "search": {"field": "push.force", "low": "0 N", "high": "40 N", "step": "40 N"},
             **changes,
         }
     )
@@ -50,7 +50,7 @@ def test_apart_or_together_the_rows_are_the_same(tmp_path):
 
 def test_a_change_of_one_contender_leaves_the_runs_of_the_others(tmp_path):
     said = []
-    job = Job("fig11", tmp_path, workers=1, say=said.append)
+    job = Job("fig11", tmp_path, workers=1, log=said.append)
     job.sweep(study(), apart="contender")
     binn = {"controller": "circuit", "circuit": "binn_lateral"}
     others = {"open_loop": {"controller": "open_loop"}, "binn": binn | {"circuit.w": "1 deg"}}

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from circuitkit.paper.reproduce.numbers import count, plain, signed_percent, spread, words
+from circuitkit.paper.reproduce.numbers import count, median_range, one_line, plain, signed_percent
 
 
 @pytest.mark.parametrize(
@@ -30,12 +30,12 @@ def test_a_ratio_is_told_as_what_is_more_or_less():
 
 
 def test_a_spread_tells_median_and_range_and_what_is_missing():
-    assert spread([0.02, 0.03, 0.3], "s") == "0.030 s (0.020 to 0.30 s)"
-    assert spread([0.5, 0.5], "s") == "0.50 s"
-    assert spread([0.5, None], "s") == "0.50 s, in 1 of 2 runs"
-    assert spread([None], "s") == "never"
+    assert median_range([0.02, 0.03, 0.3], "s") == "0.030 s (0.020 to 0.30 s)"
+    assert median_range([0.5, 0.5], "s") == "0.50 s"
+    assert median_range([0.5, None], "s") == "0.50 s, in 1 of 2 runs"
+    assert median_range([None], "s") == "never"
 
 
 def test_counts_and_texts():
     assert count(3, 20) == "3 of 20"
-    assert words("\n   two\n   lines ") == "two lines"
+    assert one_line("\n   two\n   lines ") == "two lines"

@@ -10,13 +10,13 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 
 from circuitkit.draw.style import house_style
-from circuitkit.study import load_study
 from circuitkit.paper.push_bounds import BoundsAround, PushKind
 from circuitkit.paper.reproduce import polar
 from circuitkit.paper.reproduce.finding import Finding, Verdict
 from circuitkit.paper.reproduce.forces import Forces
 from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.polar import OMNI, OPEN, PLANAR, Around
+from circuitkit.study import CaseBuilder, load_study
 
 STEP_N = 8.0
 DEGREES = np.arange(0, 360, 15)
@@ -118,11 +118,10 @@ def test_rings_have_numbers_only_where_no_curve_runs():
 
 def test_all_directions_are_in_the_study_and_every_contender_can_be_run():
     study = load_study("polar")
-    directions = [
-        cell.labels["pushes[0].direction"] for cell in study.cells if cell.labels["contender"] == OPEN
-    ]
+    directions = [cell.labels["push.direction"] for cell in study.cells if cell.labels["contender"] == OPEN]
     np.testing.assert_allclose(directions, np.radians(DEGREES))
-    assert len({study.point_of(cell, "10 N").key for cell in study.cells}) == 3 * 24
+    cases = CaseBuilder(study)
+    assert len({cases.of_cell(cell, "10 N").key for cell in study.cells}) == 3 * 24
 
 
 def test_a_small_cut_of_the_studies_becomes_a_finding(tmp_path, monkeypatch):
@@ -131,9 +130,9 @@ def test_a_small_cut_of_the_studies_becomes_a_finding(tmp_path, monkeypatch):
         "seeds": {"count": 1},
         "search": {"step": f"{STEP_N:g} N", "check_below": 0, "high": "64 N"},
     }
-    monkeypatch.setattr(polar, "_QUICK", {**cut, "set": {"pushes[0].start.step": 2}})
+    monkeypatch.setattr(polar, "_QUICK", {**cut, "set": {"push.start.step": 2}})
     monkeypatch.setattr(polar, "_QUICK_AROUND", {polar.DIRECTION: ["0 deg", "90 deg", "180 deg", "270 deg"]})
-    finding = polar.run(Job("polar", tmp_path, quick=True, workers=1))
+    finding = polar.Polar().run(Job("polar", tmp_path, quick=True, workers=1))
     finding.save(tmp_path)
     again, _ = Finding.load(tmp_path)
     assert again.claims == finding.claims

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from circuitkit.robots import load_robot
+from circuitkit.biped.robot import biped_of
 from circuitkit.paper.reproduce.fig10 import verdict_on_return
 from circuitkit.paper.reproduce.finding import Verdict
 from circuitkit.paper.reproduce.pushed_walk import (
@@ -18,6 +18,7 @@ from circuitkit.paper.reproduce.pushed_walk import (
     excursions,
     time_to_limit_cycle_s,
 )
+from circuitkit.robots import build_model, load_robot
 
 
 def flags(*runs):
@@ -64,7 +65,7 @@ def test_the_return_is_as_quick_as_the_papers_for_good_at_first_or_not(first, ca
 
 
 def test_the_cells_hull_lies_inside_the_soles():
-    edges = cell_edges_m(load_robot("nao"))
+    edges = cell_edges_m(biped_of(build_model(load_robot("nao"))).block)
     assert edges == pytest.approx(np.array([[0.0269, 0.0799], [-0.0799, -0.0269], [-0.0799, 0.0799]]))
 
 
@@ -80,12 +81,13 @@ def circling(leaves, survived=True):
     com[:, 0, 1], com[..., 2] = radius * np.cos(phase), height
     velocity[:, 0, 1] = radius * np.sin(phase) * omega
     recording = SimpleNamespace(
-        com_m=com,
-        com_velocity=velocity,
-        walk=SimpleNamespace(gait=SimpleNamespace(step_ticks=55, control_step=0.01)),
-        fates=SimpleNamespace(windows_s=np.array([[6.0, 6.2]])),
+        step_s=0.01,
+        motion=SimpleNamespace(pace_s=0.55),
+        effects=SimpleNamespace(windows_s=np.array([[6.0, 6.2]])),
     )
-    return PushedWalk(None, recording, np.array([survived]))
+    walk = PushedWalk(None, recording, np.array([survived]))
+    vars(walk)["view"] = SimpleNamespace(com_m=com, com_velocity=velocity)
+    return walk
 
 
 def test_a_walk_is_back_once_it_stays_within_five_millimetres():

@@ -5,7 +5,7 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from study.reproduce.made_up import PIXEL, a_claim, a_finding, drawn
+from paper.reproduce.made_up import PIXEL, a_claim, a_finding, drawn
 
 import circuitkit
 from circuitkit.paper.reproduce.finding import Verdict

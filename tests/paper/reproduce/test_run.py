@@ -1,31 +1,29 @@
 from __future__ import annotations
 
 import pytest
-from study.reproduce.made_up import MadeUpFigure
+from paper.reproduce.made_up import made_up_figure
 
 from circuitkit.base.errors import SimulationError, UnknownNameError
-from circuitkit.paper.reproduce import registry, run
+from circuitkit.paper.reproduce import FIGURES, Effort, run
+from circuitkit.paper.reproduce.figure import select
 from circuitkit.paper.reproduce.finding import FINDING_FILE
-from circuitkit.paper.reproduce.job import Effort
 
 
 @pytest.fixture
 def figures(monkeypatch):
-    """Two made-up figures in place of the registry's."""
-    made = {"fig9": MadeUpFigure(), "fig11": MadeUpFigure()}
-    for module in (registry, run):
-        monkeypatch.setattr(module, "FIGURES", dict.fromkeys(made, ""), raising=False)
-    monkeypatch.setattr(run, "module_of", made.__getitem__)
+    """Two made-up figures in the place of those there are."""
+    made = {"fig11": made_up_figure(11), "fig9": made_up_figure(9)}
+    monkeypatch.setattr(FIGURES, "kinds", made)
     return made
 
 
 def times_made(figures):
-    return [len(figure.jobs) for figure in figures.values()]
+    return [len(figures[name].jobs) for name in ("fig9", "fig11")]
 
 
 def test_all_figures_are_made_in_order_with_a_report(figures, tmp_path):
     said = []
-    made = run.reproduce([], tmp_path, say=said.append)
+    made = run.reproduce([], tmp_path, log=said.append)
     assert [finding.figure for finding in made.findings] == ["fig9", "fig11"]
     assert made.markdown == tmp_path / "report.md"
     assert "Title of fig9" in made.markdown.read_text(encoding="utf-8")
@@ -39,7 +37,7 @@ def test_all_figures_are_made_in_order_with_a_report(figures, tmp_path):
 def test_what_is_finished_is_not_made_again(figures, tmp_path):
     run.reproduce([], tmp_path)
     said = []
-    made = run.reproduce([], tmp_path, say=said.append)
+    made = run.reproduce([], tmp_path, log=said.append)
     assert times_made(figures) == [1, 1]
     assert said == ["fig9, fig11: done before; --again makes them anew"]
     assert len(made.findings) == 2
@@ -102,24 +100,31 @@ def test_a_figure_that_is_made_again_and_fails_is_not_taken_for_finished(figures
 
 def test_an_unknown_figure_is_refused_with_those_there_are():
     with pytest.raises(UnknownNameError, match=r"unknown figure 'fig1'; allowed: fig5, fig6, .*did you mean"):
-        registry.select(["fig1"])
+        select(["fig1"])
 
 
 def test_figures_come_in_the_order_of_the_report():
-    assert registry.select(["stepping", "fig5", "fig11"]) == ("fig5", "fig11", "stepping")
-    assert registry.select([]) == tuple(registry.FIGURES)
+    assert select(["stepping", "fig5", "fig11"]) == ("fig5", "fig11", "stepping")
+    papers = [name for name in select() if name.startswith("fig")]
+    assert papers == [f"fig{number}" for number in range(5, 12)]
+    assert list(select())[: len(papers)] == papers  # what is beyond the paper comes after it
 
 
-@pytest.mark.parametrize("name", list(registry.FIGURES))
-def test_every_figure_of_the_registry_has_its_module(name):
-    module = registry.module_of(name)
-    assert module.TITLE
-    assert 0 < module.EFFORT.quick_s <= module.EFFORT.full_s
-    assert callable(module.run)
+@pytest.mark.parametrize("name", select())
+def test_every_figure_says_what_it_takes(name):
+    figure = FIGURES[name]
+    assert figure.title
+    assert 0 < figure.effort.quick_s <= figure.effort.full_s
+    assert callable(figure().run)
+
+
+def test_no_two_figures_claim_the_same_place():
+    orders = [figure.order for figure in FIGURES.kinds.values()]
+    assert len(set(orders)) == len(orders)
 
 
 def test_the_efforts_keep_to_ten_minutes_and_to_an_hour():
-    efforts = [registry.module_of(name).EFFORT for name in registry.FIGURES]
+    efforts = [figure.effort for figure in FIGURES.kinds.values()]
     assert sum(effort.quick_s for effort in efforts) < 10 * 60
     assert sum(effort.full_s for effort in efforts) <= 60 * 60
 
@@ -127,10 +132,10 @@ def test_the_efforts_keep_to_ten_minutes_and_to_an_hour():
 def test_the_clock_learns_how_quick_the_machine_is():
     clock = run.Clock({"a": Effort(100, 10), "b": Effort(300, 30)}, quick=False, workers=4)
     assert clock.seconds == pytest.approx(200)  # the efforts are for two cores
-    clock.tell("a", 40.0)
+    clock.record("a", 40.0)
     assert clock.seconds == pytest.approx(120)
     assert clock.left() == "about 2 min left"
-    clock.tell("b", 100.0)
+    clock.record("b", 100.0)
     assert clock.seconds == 0.0
 
 

@@ -6,19 +6,19 @@ from matplotlib.image import imread
 
 from circuitkit.base.source import find_data_file
 from circuitkit.control import load_controller
-from circuitkit.study import load_study
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce import stepping
 from circuitkit.paper.reproduce.finding import Finding, Verdict
 from circuitkit.paper.reproduce.forces import Forces
 from circuitkit.paper.reproduce.job import Job
+from circuitkit.study import CaseBuilder, load_study
 
 CUT = {
-    "axes": {"contender": ["ankles", "stepping"], "pushes[0].duration": ["0.2 s"]},
+    "axes": {"contender": ["ankles", "stepping"], "push.duration": ["0.2 s"]},
     "seeds": {"count": 1},
     "watch": "1 s",
     "search": {"low": "0 N", "high": "27 N", "step": "9 N", "check_below": 0},
-    "set": {"pushes[0].start.step": 2},
+    "set": {"push.start.step": 2},
 }
 
 
@@ -30,7 +30,7 @@ def test_the_ankles_of_the_study_are_those_beside_which_it_steps():
 def test_the_figure(tmp_path, monkeypatch):
     monkeypatch.setattr(stepping, "_QUICK", CUT)
     monkeypatch.setattr(stepping, "_QUICK_CALM_S", 2.5)
-    finding = stepping.run(Job("stepping", tmp_path, quick=True, workers=1))
+    finding = stepping.Stepping().run(Job("stepping", tmp_path, quick=True, workers=1))
     finding.save(tmp_path)
     again, _ = Finding.load(tmp_path)
     assert again.claims == finding.claims
@@ -74,8 +74,8 @@ def test_runs_are_others_when_a_circuit_within_the_controller_is_another(tmp_pat
     keys = []
     for margin in ("30 mm", "30 mm", "25 mm"):
         inner.write_text(original.replace("value: 30 mm", f"value: {margin}"), encoding="utf-8")
-        point = load_study("stepping").point({"controller": str(controller)})
-        keys.append((point.run_key(0), point.shared_key))
+        case = CaseBuilder(load_study("stepping")).case({"controller": str(controller)})
+        keys.append((case.run_key(0), case.shared_key))
     assert keys[0] == keys[1]
     assert keys[0][0] != keys[2][0]
     assert keys[0][1] != keys[2][1]

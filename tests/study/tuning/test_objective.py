@@ -16,7 +16,9 @@ STANDS = {
     "left": {0.5: (True, True), 0.75: (True, True), 1.0: (True, False)},
     "right": {0.5: (True, True), 0.75: (False, False), 1.0: (True, True)},
 }
-CONDITIONS = tuple(Condition({"direction": cell}, factor, {}) for cell, each in STANDS.items() for factor in each)
+CONDITIONS = tuple(
+    Condition({"direction": cell}, factor, {}) for cell, each in STANDS.items() for factor in each
+)
 ROWS = [
     [{"survived": stands, "recovery_time_s": 0.2 if stands else None, "rms_x": 0.01} for stands in seeds]
     for each in STANDS.values()

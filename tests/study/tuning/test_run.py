@@ -14,13 +14,15 @@ from circuitkit.circuit import check as check_circuit
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.authoring.formatting import format_file
 from circuitkit.control import load_controller
-from circuitkit.study import open_pool
+from circuitkit.study import open_workers
 from circuitkit.study.tuning import result as result_module
+from circuitkit.study.tuning.measure import Measure, Progress
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.result import write_result
-from circuitkit.study.tuning.run import Measure, Progress, Tuned, start_of, tune
+from circuitkit.study.tuning.run import Tuned, tune
 from circuitkit.study.tuning.search import Candidate
 from circuitkit.study.tuning.spec import load_tuning
+from circuitkit.study.tuning.start import start_of
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,7 @@ def tuned(folder: Path, steps: list[Progress]) -> Tuned:
 
 
 def test_the_best_is_no_worse_than_the_start(tuned):
-    assert len(tuned.found.told) == 3
+    assert len(tuned.history.trials) == 3
     assert tuned.start is not None
     assert tuned.start.settings == {"w": "-0.5 deg", "leak": "5 %"}  # the base's own, and the file's start
     assert tuned.best.value >= tuned.start.value
@@ -50,7 +52,7 @@ def test_the_best_is_no_worse_than_the_start(tuned):
 def test_progress_counts_candidates_up_to_the_test(tuned, steps):
     assert [step.done for step in steps] == sorted(step.done for step in steps)
     assert {step.stage for step in steps} == {"train", "test"}
-    assert steps[-1].measured == steps[-1].trials == len(tuned.found.told)
+    assert steps[-1].measured == steps[-1].trials == len(tuned.history.trials)
 
 
 def test_the_result_is_a_valid_circuit_in_normal_form(tuned):
@@ -73,8 +75,8 @@ def test_the_result_says_where_its_numbers_come_from(tuned):
 def test_the_result_measures_again_what_was_measured(tuned, folder):
     path = written(folder, ("circuit: base.yaml", f"circuit: {tuned.path}"))
     tuning = load_tuning(path)
-    with open_pool(1) as pool:
-        (again,) = Measure(tuning, tuning.runs("train"), pool)([{}])
+    with open_workers(1) as workers:
+        (again,) = Measure(tuning, tuning.runs("train"), workers)([{}])
     assert isinstance(again, Score)
     assert again.value == tuned.best.value
     assert again.figures == tuned.best.figures
@@ -173,7 +175,7 @@ def test_ctrl_c_writes_the_best_so_far(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Measure, "__call__", measured)
     tuned = tune(written(tmp_path), tmp_path / "out", trials=9, workers=1)
-    assert tuned.found.interrupted
+    assert tuned.history.interrupted
     assert tuned.test is None
     text = tuned.path.read_text()
     words = " ".join(line.strip("# ") for line in text.splitlines())

@@ -11,7 +11,7 @@ import pytest
 from circuitkit.base.errors import CircuitkitError, InputError, SimulationError
 from circuitkit.base.units import parse_quantity
 from circuitkit.study.tuning.objective import Score
-from circuitkit.study.tuning.search import Candidate, Found, Search, run_search, silence_optuna
+from circuitkit.study.tuning.search import Candidate, History, Search, run_search, silence_optuna
 from circuitkit.study.tuning.space import Searched
 
 PARAMETERS = {
@@ -51,19 +51,19 @@ def database(folder: Path, name: str = "trials") -> str:
 @pytest.mark.parametrize(("sampler", "trials", "near"), [("cmaes", 61, 2e-3), ("tpe", 31, 0.02)])
 def test_the_optimum_is_found(tmp_path, sampler, trials, near):
     found = run_search(search(sampler), database(tmp_path), trials, measured())
-    assert len(found.told) == trials
-    assert found.told[0].settings == {"w": "-1 deg", "leak": "40 %"}  # the start goes first
-    assert bowl(found.best.settings) == found.best.value < near < bowl(found.told[0].settings)
+    assert len(found.trials) == trials
+    assert found.trials[0].settings == {"w": "-1 deg", "leak": "40 %"}  # the start goes first
+    assert bowl(found.best.settings) == found.best.value < near < bowl(found.trials[0].settings)
 
 
 def test_maximising_is_minimising_the_opposite(tmp_path):
     least = run_search(search(), database(tmp_path, "a"), 7, measured())
     most = run_search(search(maximise=True), database(tmp_path, "b"), 7, measured(-1.0))
-    assert [each.settings for each in least.told] == [each.settings for each in most.told]
+    assert [each.settings for each in least.trials] == [each.settings for each in most.trials]
     assert least.best.number == most.best.number
 
 
-def stopped_now_and_then(url: str, sampler: str) -> Found:
+def stopped_now_and_then(url: str, sampler: str) -> History:
     """25 candidates, ended by --trials in a generation, by Ctrl-C, and by a failure of the machine."""
 
     def interrupted(error: type[BaseException]) -> Callable[[Sequence[Candidate]], list[Score]]:
@@ -83,14 +83,14 @@ def stopped_now_and_then(url: str, sampler: str) -> Found:
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe"])
 def test_a_search_that_was_stopped_goes_on_as_if_it_had_not_been(tmp_path, sampler):
     at_one_go = run_search(search(sampler), database(tmp_path, "a"), 25, measured())
-    assert stopped_now_and_then(database(tmp_path, "b"), sampler).told == at_one_go.told
+    assert stopped_now_and_then(database(tmp_path, "b"), sampler).trials == at_one_go.trials
 
 
 def test_another_seed_searches_elsewhere(tmp_path):
     first = run_search(search(), database(tmp_path, "a"), 7, measured())
     other = run_search(search(seed=2), database(tmp_path, "b"), 7, measured())
-    assert first.told[0] == other.told[0]
-    assert all(a.settings != b.settings for a, b in zip(first.told[1:], other.told[1:], strict=True))
+    assert first.trials[0] == other.trials[0]
+    assert all(a.settings != b.settings for a, b in zip(first.trials[1:], other.trials[1:], strict=True))
 
 
 def test_candidates_that_fail_are_kept_with_the_reason_and_passed_over(tmp_path):
@@ -100,10 +100,10 @@ def test_candidates_that_fail_are_kept_with_the_reason_and_passed_over(tmp_path)
 
     nearer = search(generation=12, start={"w": 0.5, "leak": 5.0})
     found = run_search(nearer, database(tmp_path), 13, evaluate)
-    failed = [each for each in found.told if each.value is None]
+    failed = [each for each in found.trials if each.value is None]
     assert failed
     assert {each.error for each in failed} == {"too far to the left"}
-    assert all(each.value is None or each.value <= 0.05 for each in found.told)
+    assert all(each.value is None or each.value <= 0.05 for each in found.trials)
     assert found.best.value is not None
 
 

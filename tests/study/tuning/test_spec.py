@@ -10,8 +10,10 @@ from small_tuning import SMALL, written
 
 from circuitkit.base.errors import InputError
 from circuitkit.study import CaseBuilder
-from circuitkit.study.tuning.run import check, start_of, tune
+from circuitkit.study.tuning.check import check
+from circuitkit.study.tuning.run import tune
 from circuitkit.study.tuning.spec import load_tuning
+from circuitkit.study.tuning.start import start_of
 
 
 def checked(path: Path) -> None:
@@ -100,7 +102,7 @@ MISTAKES = [
     ),
     ((f"scale: {{{FORCE}", "scale: {¦push.durtion"), "nothing gives 'push.durtion' a value"),
     ((f"{FORCE}: [10 N]", f"{FORCE}: [¦10 mm]"), "found '6 mm', which is length"),
-    ((f"axes: {{{FORCE}", f'axes: {{push.farce: [¦9 N], {FORCE}'), "unknown key 'farce'"),
+    ((f"axes: {{{FORCE}", f"axes: {{push.farce: [¦9 N], {FORCE}"), "unknown key 'farce'"),
     (("calm: {set: {push: []", "calm: {set: {push: ¦no"), "found 'no'; allowed: a mapping"),
     (("circuit: base.yaml", "circuit: ¦binn_lateral_tuend"), "did you mean 'binn_lateral_tuned'?"),
     (

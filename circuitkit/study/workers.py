@@ -1,0 +1,266 @@
+"""Where jobs are done: in this process, in processes of this machine, or on a Dask scheduler's workers.
+
+Each is an `Executor` of `concurrent.futures`; anybody's own may take its place, in a `Workers`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any, TypeVar
+
+from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.study.jobs import Done, Job, run_job, versions
+
+# One thread each for the libraries below numpy: the processes share the cores already.
+_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
+_CONNECT_S = 10.0
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):\d{1,5}")
+_MOST_WORKERS = 1024
+
+T = TypeVar("T")
+
+
+class WorkerError(CircuitkitError):
+    """A worker has ended, or cannot be reached."""
+
+
+def _as_it_is(error: Exception) -> Exception:
+    return error
+
+
+@dataclass(frozen=True)
+class Workers:
+    """An executor for jobs; `open_workers` opens one for as long as a block lasts.
+
+    Attributes:
+        executor: Does the jobs.
+        slots: How many jobs to hand in before waiting for one, as of now.
+        explain: What the user is told when the executor itself fails.
+    """
+
+    executor: Executor
+    slots: Callable[[], int]
+    explain: Callable[[Exception], Exception] = _as_it_is
+
+    def submit(self, job: Job) -> Future[Done]:
+        """Hand in a job.
+
+        Raises:
+            WorkerError: A worker has ended.
+        """
+        try:
+            return self.executor.submit(run_job, job)
+        except BrokenExecutor as error:
+            raise self.explain(error) from error
+
+    def outcome(self, future: Future[Done]) -> Done:
+        """What a job that is done has brought.
+
+        Raises:
+            WorkerError: A worker has ended, or has other versions of what the bits depend on.
+        """
+        try:
+            done = future.result()
+        except CircuitkitError:
+            raise
+        except Exception as error:
+            raise self.explain(error) from error
+        require_same_versions(done)
+        return done
+
+
+class ThisProcess(Executor):
+    """Does a job when it is handed in."""
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:  # noqa: ANN401 - any
+        """Do the job."""
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:  # who asks for the result gets it
+            future.set_exception(error)
+        return future
+
+
+class _WorkerProcess(SpawnProcess):
+    """A process whose libraries use one thread; they read the environment when they are loaded."""
+
+    def start(self) -> None:
+        with environment(**_ONE_THREAD):
+            super().start()
+
+
+class _Context(SpawnContext):
+    """Starts processes and remembers them: to say how one has ended, and to end them whatever they do."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started: list[SpawnProcess] = []
+
+    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: ANN401, N802 - the name that multiprocessing has
+        """Prepare a process."""
+        process = _WorkerProcess(*args, **kwargs)
+        self.started.append(process)
+        return process
+
+    def explain(self, error: Exception) -> Exception:
+        """Which process has ended, and how; the executor ends the others itself."""
+        if not isinstance(error, BrokenExecutor):
+            return error
+        codes = [code for code in (self._exit_code(each) for each in self.started) if code is not None]
+        code = next((code for code in codes if code != -signal.SIGTERM), codes[0] if codes else None)
+        how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
+        hint = (
+            "the machine may be out of memory: take fewer --workers"
+            if code is not None and code < 0
+            else 'a script that starts workers needs `if __name__ == "__main__":` around its main part'
+        )
+        return WorkerError(f"a worker process has ended {how}; {hint}")
+
+    @staticmethod
+    def _exit_code(process: SpawnProcess) -> int | None:
+        process.join(timeout=1.0)
+        return process.exitcode
+
+    def end(self) -> None:
+        """End all processes at once."""
+        for process in self.started:
+            if process.is_alive():
+                process.terminate()
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    """Ctrl-C reaches all processes of a terminal; the one that started the sweep ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def environment(**values: str) -> Iterator[None]:
+    """Have environment variables for a while, which processes that start meanwhile get, too."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Workers]:
+    context = _Context()
+    executor = ProcessPoolExecutor(count, context, _leave_interrupts_to_the_parent)
+    try:
+        yield Workers(executor, lambda: count, context.explain)
+    finally:
+        # `shutdown` alone would wait for the jobs that are under way; Python 3.14 has `terminate_workers`.
+        context.end()
+        executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _dask(address: str) -> Iterator[Workers]:
+    """Workers of a Dask scheduler; a worker that is lost has its jobs done by another one.
+
+    Raises:
+        MissingDependencyError: distributed is not installed.
+        WorkerError: There is no scheduler at this address, or it has no workers.
+    """
+    client = _client(address)
+
+    def slots() -> int:
+        """One job under way and one waiting for each thread that there is now, so that none waits for us."""
+        return max(2 * int(sum(client.nthreads().values())), 1)
+
+    def explain(error: Exception) -> Exception:
+        return WorkerError(
+            f"the Dask workers of '{address}' cannot do a job: {type(error).__name__}: {error}"
+        )
+
+    try:
+        if not client.nthreads():
+            message = f"the Dask scheduler at '{address}' has no workers; start some: dask worker {address}"
+            raise WorkerError(message)
+        yield Workers(client.get_executor(pure=False), slots, explain)
+    finally:
+        client.close()  # takes back what is under way, and leaves the scheduler and its workers as they are
+
+
+def _client(address: str) -> Any:  # noqa: ANN401 - distributed is not typed
+    try:
+        from distributed import Client  # an extra
+    except ImportError as error:
+        package, extra = "distributed", "cluster"
+        raise MissingDependencyError(package, extra, "a sweep on a Dask scheduler") from error
+    if not _ADDRESS.fullmatch(address):  # or distributed leaves a client behind that never closes
+        allowed = "the address of a Dask scheduler, such as tcp://192.168.0.7:8786"
+        message = f"found '{address}'; allowed: {allowed}"
+        raise WorkerError(message)
+    try:
+        client: Any = Client
+        return client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        message = (
+            f"cannot reach a Dask scheduler at '{address}': {error}; "
+            "start one with `dask scheduler`, and workers with `dask worker tcp://HOST:8786 --nthreads 1`"
+        )
+        raise WorkerError(message) from error
+
+
+def require_same_versions(done: Done) -> None:
+    """Refuse outcomes that other versions may have made otherwise.
+
+    Raises:
+        WorkerError: They are not those of this process.
+    """
+    ours = versions()
+    if other := [name for name in ours if done.versions.get(name) != ours[name]]:
+        found = listing(f"{name} {done.versions.get(name)}" for name in other)
+        allowed = listing(f"{name} {ours[name]}" for name in other)
+        message = f"a worker has {found}; allowed: as this process, {allowed}"
+        raise WorkerError(message)
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def open_workers(count: int | None = None, scheduler: str | None = None) -> Iterator[Workers]:
+    """Workers for as long as the block lasts.
+
+    Args:
+        count: Processes of this machine; by default one for each processor. One is this process itself.
+        scheduler: Address of a Dask scheduler, such as `tcp://192.168.0.7:8786`, to use its workers instead.
+
+    Raises:
+        CircuitkitError: `count` is less than 1, or given together with `scheduler`.
+        MissingDependencyError: `scheduler` needs distributed, which is not installed.
+        WorkerError: The scheduler cannot be reached.
+    """
+    if scheduler is not None and count is not None:
+        message = "the workers of a scheduler are its own; give workers or scheduler, not both"
+        raise CircuitkitError(message)
+    if count is not None and not 1 <= count <= _MOST_WORKERS:
+        message = f"found {count} workers; allowed: 1 to {_MOST_WORKERS}"
+        raise CircuitkitError(message)
+    number = count or processors()
+    if scheduler is not None:
+        with _dask(scheduler) as workers:
+            yield workers
+    elif number == 1:
+        yield Workers(ThisProcess(), lambda: 1)
+    else:
+        with _processes(number) as workers:
+            yield workers

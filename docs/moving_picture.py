@@ -1,0 +1,85 @@
+"""Makes the README's pictures of robots: two that are pushed, moving, and a still of each that ships.
+
+`python docs/moving_picture.py` writes them; docs/generate.py does so, too. It needs the extra `video`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from circuitkit import simulate
+from circuitkit.base.files import replacing
+from circuitkit.simulation.film import FRAME_SIZE, FRAMES_PER_S, SCENE_HEIGHT, Reel
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+IMAGES = Path(__file__).parent / "img"
+PUSHED = (("nao_push", 5.0), ("quadruped_trots", 4.4))  # scenario, and where the moving picture begins, [s]
+STILLS = {  # scenario and time of the still of a robot, [s]
+    "arm": ("arm_reflex", 1.4),
+    "cartpole": ("cartpole_balances", 10.4),
+    "hexapod": ("hexapod_walks", 3.0),
+    "lamprey": ("lamprey_swims", 8.0),
+    "nao": ("nao_push", 5.7),
+    "quadruped": ("quadruped_trots", 5.1),
+    "vehicle": ("vehicle_avoids", 12.0),
+}
+DURATION_S = 4.2
+EVERY = 2  # of the film's frames
+SCALE = 0.65
+GAP = 6  # between the robots, [pixels]
+QUALITY = 58
+STILL_SIZE = (320, 220)
+CLOSER = {"arm": (150, 100, 550, 375), "lamprey": (160, 110, 480, 330)}  # the part of the scene that is shown
+
+
+def frames() -> Iterator[Image.Image]:
+    """The frames of the moving picture: the robots side by side, in real time."""
+    from PIL import Image
+
+    with contextlib.ExitStack() as stack:
+        reels = [stack.enter_context(contextlib.closing(Reel(simulate(name)))) for name, _ in PUSHED]
+        width, height = FRAME_SIZE
+        for number in range(0, round(DURATION_S * FRAMES_PER_S), EVERY):
+            sheet = Image.new("RGB", (len(reels) * (width + GAP) - GAP, height), "white")
+            for column, (reel, (_, begin_s)) in enumerate(zip(reels, PUSHED, strict=True)):
+                sheet.paste(reel.frame(round(begin_s * FRAMES_PER_S) + number), (column * (width + GAP), 0))
+            size = round(sheet.width * SCALE), round(sheet.height * SCALE)
+            yield sheet.resize(size, Image.Resampling.LANCZOS)
+
+
+def write_moving_picture() -> None:
+    """Write the moving picture, a WebP that plays for ever."""
+    first, *rest = frames()
+    with replacing(IMAGES / "moving.webp") as part:
+        lasts_ms = 1000 * EVERY // FRAMES_PER_S
+        first.save(
+            part, format="WEBP", save_all=True, append_images=rest, duration=lasts_ms, loop=0,
+            quality=QUALITY, method=6,
+        )  # fmt: skip
+
+
+def write_stills() -> None:
+    """Write a still of each robot."""
+    from PIL import Image
+
+    for robot, (scenario, time_s) in STILLS.items():
+        with contextlib.closing(Reel(simulate(scenario))) as reel:
+            frame = reel.frame(round(time_s * FRAMES_PER_S))
+        scene = frame.crop(CLOSER.get(robot, (0, 0, FRAME_SIZE[0], SCENE_HEIGHT)))
+        with replacing(IMAGES / f"robot_{robot}.webp") as part:
+            scene.resize(STILL_SIZE, Image.Resampling.LANCZOS).save(part, format="WEBP", quality=85, method=6)
+
+
+def write_robot_pictures() -> None:
+    """Write all of them."""
+    write_moving_picture()
+    write_stills()
+
+
+if __name__ == "__main__":
+    write_robot_pictures()

@@ -1,0 +1,37 @@
+"""A NAO that only stands is pushed: what the page says of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from seeds import changed, measured
+
+from circuitkit.biped.view import BipedView
+from circuitkit.simulation import RunSpec, load_scenario, make_plan, simulate
+from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.scenario import parse_push, with_push
+
+
+@pytest.mark.parametrize(
+    ("force", "circuit", "stands"),
+    [
+        ("18N", "binn_lateral_tuned", 6),
+        ("20N", "binn_lateral_capture_tuned", 6),
+        ("24N", "binn_lateral_capture_tuned", 0),
+    ],
+)
+def test_what_the_table_says_of_pushes_for_200_ms(force, circuit, stands):
+    shipped = load_scenario("nao_stands")
+    pushed = with_push(shipped, parse_push(f"{force},200ms,left", shipped))
+    plan = make_plan(changed("nao_stands", pushed, duration=6.0), circuit)
+    specs = [RunSpec(seed, plan.scenario.befalling) for seed in range(6)]
+    recording = run_loop(plan.setup(plan.controller("circuit"), specs))
+    assert measured(recording, "survived").sum() == stands
+
+
+def test_unpushed_it_stands_still_with_the_zmp_between_the_feet():
+    result = simulate("nao_stands", controller="open_loop", push="0.001N,100ms,left")
+    pressure = BipedView(result.recording).centre_of_pressure_m[300:, 0]
+    assert np.abs(pressure[:, 1]).max() < 0.002
+    np.testing.assert_allclose(pressure[:, 0].mean(), 0.0257, atol=0.001)
+    assert np.abs(result.recording.channel("gyro_x")[400:]).max() < 0.02

@@ -1,0 +1,259 @@
+"""Measures: every reduction against numpy, conditions, bounds, units, what ends a run; and every complaint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from small_robots import CART, CART_FILE, Told, run, small_robot
+
+from circuitkit.base.errors import ExpressionError, InputError
+from circuitkit.base.units import parse_unit
+from circuitkit.simulation.disturbances.noise import Noise
+from circuitkit.simulation.formulas import Track, parse_measure
+
+DT = 0.01
+UNITS = {"x": parse_unit("m"), "y": parse_unit("m"), "v": parse_unit("m/s"), "load": parse_unit("N"), "n": parse_unit("1")}
+series = arrays(float, st.integers(1, 60), elements=st.floats(-100, 100).map(lambda value: round(value, 3)))
+
+
+def track(ended=False, bounds=None, first=0, **values):
+    shape = next(iter(values.values())).shape
+    return Track(
+        step_s=DT, first=first, shape=shape, ended=ended, values=values.__getitem__,
+        bounds=lambda name: (bounds or {}).get(name), push_s=np.nan, pace_s=0.0,
+    )  # fmt: skip
+
+
+def value(text, ended=False, bounds=None, **values):
+    """The value of a measure at the end of a run."""
+    return parse_measure(text, UNITS, bounds or ()).value(track(ended, bounds, **values))
+
+
+# --- reductions ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("max", np.max), ("min", np.min), ("mean", np.mean), ("rms", lambda x: np.sqrt(np.mean(x**2))),
+        ("total", lambda x: np.sum(x) * DT), ("first", lambda x: x[0]), ("last", lambda x: x[-1]),
+    ],
+)  # fmt: skip
+@given(x=series)
+def test_a_reduction_is_that_of_numpy(name, expected, x):
+    assert value(f"{name}(x)", x=x) == pytest.approx(float(expected(x)), rel=1e-9, abs=1e-9)
+
+
+@given(x=series, level=st.floats(-100, 100).map(lambda value: round(value, 3)))
+def test_how_long_how_often_and_when_first(x, level):
+    above = x > level
+    assert value(f"duration(x > {level} m)", x=x) == pytest.approx(np.count_nonzero(above) * DT)
+    begun = np.count_nonzero(above & ~np.concatenate([[False], above[:-1]]))
+    assert value(f"count(x > {level} m)", x=x) == begun
+    first = value(f"time_of(x > {level} m)", x=x)
+    assert first == (pytest.approx((above.argmax() + 1) * DT) if above.any() else None)
+
+
+@given(x=series, low=st.floats(-50, 0), high=st.floats(0, 50))
+def test_outside_is_how_far_beyond_the_bounds(x, low, high):
+    beyond = np.maximum(np.maximum(low - x, x - high), 0)
+    assert value(f"max(outside(x, {low} m, {high} m))", x=x) == pytest.approx(beyond.max(), abs=1e-9)
+    assert value("max(outside(x))", bounds={"x": (low, high)}, x=x) == pytest.approx(beyond.max(), abs=1e-9)
+
+
+def test_bounds_may_differ_from_tick_to_tick():
+    x, low, high = np.zeros(4), np.array([-1, -1, 1, 2.0]), np.array([1, -0.5, 3, 3])
+    assert value("total(outside(x))", bounds={"x": (low, high)}, x=x) == pytest.approx((0 + 0.5 + 1 + 2) * DT)
+
+
+@given(x=series)
+def test_reductions_and_plain_numbers_join(x):
+    found = value("max(x) - min(x) + 2 * abs(last(x)) + 1 m", x=x)
+    assert found == pytest.approx(np.ptp(x) + 2 * abs(x[-1]) + 1)
+    assert value("max(abs(x - first(x)))", x=x) == pytest.approx(np.abs(x - x[0]).max())
+    assert value("mean(where(x > 0 m, x, 0 m))", x=x) == pytest.approx(np.maximum(x, 0).mean(), abs=1e-9)
+
+
+@given(x=series)
+def test_at_every_tick_a_reduction_knows_what_was_so_far(x):
+    for name, so_far in (("max", np.maximum.accumulate(x)), ("mean", np.cumsum(x) / np.arange(1, len(x) + 1))):
+        np.testing.assert_allclose(parse_measure(f"{name}(x)", UNITS).series(track(x=x)), so_far, atol=1e-9)
+
+
+def test_of_several_arguments_max_and_min_choose_among_them():
+    x, y = np.array([1.0, 5, 2]), np.array([3.0, 4, 4])
+    assert value("last(max(x, y))", x=x, y=y) == 4
+    assert value("max(min(x, y))", x=x, y=y) == 4
+
+
+@given(x=series, start=st.integers(0, 60))
+def test_within_a_window_only_what_lies_in_it_counts(x, start):
+    later = x[start:]
+    found = value(f"max(after(x, {start * DT:.2f} s))", x=x)
+    assert found == (pytest.approx(later.max()) if len(later) else None)
+
+
+def test_time_is_that_of_the_end_of_a_tick_and_ended_is_the_last_one():
+    x = np.zeros(5)
+    assert value("max(t)", x=x) == pytest.approx(0.05)
+    assert value("first(t)", x=x) == pytest.approx(0.01)
+    assert value("not ended", x=x) is True
+    assert value("not ended", ended=True, x=x) is False
+    assert value("time_of(ended)", ended=True, x=x) == pytest.approx(0.05)
+    assert value("time_of(ended)", x=x) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "truth"),
+    [
+        ("max(x) > 2 m", True), ("max(x) > 2 m and min(x) > 2 m", False), ("max(x) > 2 m or min(x) > 2 m", True),
+        ("not max(x) > 2 m", False), ("count(x > 2 m) > 0", True), ("last(x > 2 m)", False),
+    ],
+)  # fmt: skip
+def test_a_comparison_of_reductions_is_true_or_false(text, truth):
+    assert value(text, x=np.array([0.0, 3, 1])) is truth
+
+
+def test_robots_of_a_batch_are_measured_side_by_side():
+    x = np.arange(12.0).reshape(4, 3)
+    np.testing.assert_array_equal(parse_measure("max(x)", UNITS).series(track(x=x))[-1], x.max(axis=0))
+    both = parse_measure("mean(x) + first(x)", UNITS).series(track(x=x))[-1]
+    np.testing.assert_allclose(both, x.mean(axis=0) + x[0])
+
+
+# --- units --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("max(x)", "m"), ("total(x)", "m*s"), ("total(v)", "m"), ("duration(x > 1 m)", "s"),
+        ("count(x > 1 m)", "1"), ("time_of(x > 1 m)", "s"), ("max(outside(x, 0 m, 1 m))", "m"),
+        ("total(hypot(v, v))", "m"), ("max(load) / 2 N", "1"), ("mean(x) / max(t)", "m/s"), ("rms(load) * max(x)", "N*m"),
+    ],
+)  # fmt: skip
+def test_the_unit_of_a_measure_follows_from_its_channels(text, unit):
+    assert parse_measure(text, UNITS).unit.dimension == parse_unit(unit).dimension
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "said"),
+    [
+        ("max(x) + max(load)", 0, "found 'max(x) + max(load)', which joins m and N; allowed: the same on all sides"),
+        ("1 m + total(x)", 0, "found '1 m + total(x)', which joins m and m*s; allowed: the same on all sides"),
+        ("max(x > 1 N)", 4, "found 'x > 1 N', which joins m and N; allowed: the same on all sides"),
+        ("max(outside(x, 0, 1 N))", 4, "found 'outside(x, 0, 1 N)', which joins length and force; allowed: the same on all sides"),
+        ("duration(x)", 0, "found 'duration(x)'; allowed: a condition there, such as duration(x > 0)"),
+        ("2 * count(1 + x / 1 m)", 4, "found 'count(1 + x / 1 m)'; allowed: a condition there, such as count(x > 0)"),
+        ("max(outside(x))", 4, "found 'outside(x)', whose bounds are not known; allowed: outside(x, low, high)"),
+        (
+            "max(outside(x, 1 m))", 4,
+            "found outside with 2 arguments; allowed: outside(x, low, high), or outside(channel)",
+        ),
+        ("mean(xx)", 5, "unknown name 'xx'; allowed: "),
+        ("maen(x)", 0, "unknown function 'maen'; allowed: "),
+        ("mean(x, y)", 0, "found mean with 2 arguments; allowed: 1"),
+    ],
+)  # fmt: skip
+def test_a_wrong_measure_is_told_with_its_place(text, offset, said):
+    with pytest.raises(ExpressionError) as caught:
+        parse_measure(text, UNITS)
+    assert str(caught.value).startswith(said)
+    assert caught.value.offset == offset
+
+
+# --- what ends a run ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def cart(tmp_path_factory):
+    return small_robot(tmp_path_factory.mktemp("cart"), CART, **CART_FILE)
+
+
+def pushed(cart, until, seconds=1.0, **fields):
+    """A cart that is pushed forward with 2 N from the start."""
+    return run(cart, Told(["place"], force=2.0), duration_s=seconds, until=until, **fields)
+
+
+@pytest.mark.parametrize(
+    "until", ["place > 5 cm", "abs(place - first(place)) > 5 cm", "max(place) > 5 cm", "place > 5 cm or angle > 9 rad"]
+)
+def test_a_run_ends_in_the_tick_in_which_its_condition_first_holds(cart, until):
+    """Also where it looks back, by `first` or by more."""
+    recording = pushed(cart, until)
+    free = pushed(cart, None)
+    place = free.channel("place")[:, 0]
+    start = place[0] if "first" in until else 0.0
+    expected = int(np.argmax(place - start > 0.05))
+    assert 0 < expected < 90
+    assert recording.end_tick[0] == expected
+    assert recording.ended_s() == pytest.approx((expected + 1) * DT)
+    assert recording.measures[0]["survived"] is False
+    assert free.end_tick[0] == -1
+    assert free.measures[0]["survived"] is True
+    np.testing.assert_array_equal(recording.qpos, free.qpos[: recording.ticks])
+
+
+def test_measures_stop_where_the_run_ended(cart):
+    measures = {"way": "last(place)", "end": "time_of(ended)", "work": "total(pull * speed)"}
+    recording = pushed(cart, "place > 5 cm", measures=measures)
+    tick = int(recording.end_tick[0])
+    place, speed, pull = (recording.channel(name)[: tick + 1, 0] for name in ("place", "speed", "pull"))
+    assert recording.measures[0] == {
+        "survived": False, "way": pytest.approx(place[-1]), "end": pytest.approx((tick + 1) * DT),
+        "work": pytest.approx((speed * pull).sum() * DT),
+    }  # fmt: skip
+    assert recording.judge.units["way"].symbol == "m"
+    assert recording.judge.units["survived"] is None
+
+
+def test_measures_may_name_commands_references_and_parts(cart):
+    measures = {"effort": "rms(force)", "unused": "max(angle)", "tip": "max(position(tip, z))", "gap": "min(distance(cart, tip))"}
+    recording = pushed(cart, None, measures=measures)
+    found = recording.measures[0]
+    assert found["effort"] == pytest.approx(2.0)
+    assert found["gap"] == pytest.approx(1.0)
+    assert found["tip"] < 0.02
+
+
+def test_what_nobody_commands_is_zero(cart):
+    assert run(cart, measures={"effort": "max(abs(force))"}).measures[0]["effort"] == 0
+
+
+def test_survived_may_be_something_else(cart):
+    recording = pushed(cart, None, measures={"survived": "max(place) > 5 cm"})
+    assert recording.measures[0] == {"survived": True}
+
+
+def test_a_channel_that_a_measure_and_the_controller_read_is_seen_without_noise_by_the_measure(cart):
+    measures = {"most": "max(place)"}
+    quiet, loud = (
+        pushed(cart, None, measures=measures, disturbances=noise) for noise in ([], [Noise(channel="place", std="1 m")])
+    )
+    assert quiet.measures == loud.measures
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"until": "place"}, "until: found 'place'; allowed: a condition, such as height < 0.2 m"),
+        ({"until": "place > 1 N"}, "until: found 'place > 1 N', which joins m and N; allowed: the same on all sides"),
+        (
+            {"measures": {"a": "max(position(tips, z))"}},
+            "measures.a: the MJCF has no body or site or geom or camera 'tips'; "
+            "allowed: world, cart, pole, tip, box; did you mean 'tip'?",
+        ),
+        (
+            {"measures": {"a": "max(joint(slide)) + max(joint(hinge))"}},
+            "measures.a: found 'max(joint(slide)) + max(joint(hinge))', which joins m and rad; "
+            "allowed: the same on all sides",
+        ),
+    ],
+)  # fmt: skip
+def test_a_wrong_measure_of_a_scenario_in_python_is_an_input_error(cart, fields, said):
+    with pytest.raises(InputError) as caught:
+        run(cart, **fields)
+    assert str(caught.value) == said

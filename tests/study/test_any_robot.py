@@ -1,0 +1,124 @@
+"""Studies and tunings of robots that do not walk: their own measures judge, fill tables and are searched."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from circuitkit.base.errors import CircuitkitError, UnknownNameError
+from circuitkit.simulation import RunSpec, load_scenario, make_plan
+from circuitkit.simulation.loop import run_loop
+from circuitkit.study import CaseBuilder, make_study, open_workers, run_cases, sweep
+from circuitkit.study.tuning.check import check
+from circuitkit.study.tuning.measure import Measure
+from circuitkit.study.tuning.spec import load_tuning
+
+PUSH = {"body": "cart", "force": "1 N", "direction": "forward", "duration": "200 ms", "start": "0.5 s"}
+POLE = {
+    "study": "pole",
+    "scenario": "cartpole_balances",
+    "set": {"push": [PUSH], "measures.near": "max(abs(cart)) < 30 cm"},
+    "watch": "1.5 s",
+    "seeds": {"count": 2},
+}
+
+
+def by_hand(force_n: float) -> tuple[dict, ...]:
+    """The measures of both seeds, from recordings."""
+    scenario = load_scenario("cartpole_balances")
+    case = CaseBuilder(make_study(POLE)).case()
+    push = case.scenario.pushes[0].model_copy(update={"force": force_n})
+    kept = [each for each in scenario.befalling if each.kind != "push"]
+    changed = scenario.with_disturbances((*kept, push)).model_copy(update={"duration": 2.2})
+    plan = make_plan(changed)
+    specs = [RunSpec(seed, changed.befalling) for seed in range(2)]
+    return run_loop(plan.setup(plan.controller(), specs)).measures
+
+
+def test_a_run_ends_so_long_after_its_push_and_a_row_has_the_scenarios_measures(tmp_path):
+    results = sweep(make_study(POLE), tmp_path, workers=1, progress=False)
+    expected = by_hand(1.0)
+    for row, measures in zip(results.rows, expected, strict=True):
+        assert measures.items() <= row.items()
+        assert row["near"] == (row["furthest"] < 0.3)
+        assert row["rms_force"] > 0.0
+    assert results.table.schema.field("near").type == "bool"
+    (share,) = results.shares()
+    assert (share.survived, share.runs) == (2, 2)
+    assert share.means["furthest"] == pytest.approx(sum(each["furthest"] for each in expected) / 2)
+    (near,) = results.shares(condition="near")
+    assert near.survived == sum(row["near"] for row in results.rows)
+
+
+def test_the_search_goes_on_while_a_measure_of_ones_own_holds(tmp_path):
+    search = {"field": "push.force", "low": "0 N", "high": "20 N", "step": "5 N", "while": "near"}
+    (limit,) = sweep(make_study({**POLE, "search": search}), tmp_path, workers=1, progress=False).limits()
+    held = {
+        force: all(each["furthest"] < 0.3 for each in by_hand(force))
+        for force in (0.0, 5.0, 10.0, 15.0, 20.0)
+    }
+    first = next(force for force, all_near in held.items() if not all_near)
+    assert first > 0.0
+    assert (limit.largest, limit.fails_at) == (first - 5.0, first)
+
+
+@pytest.mark.parametrize(
+    ("condition", "error", "message"),
+    [
+        ("neer", UnknownNameError, "unknown measure 'neer'; allowed: .*; did you mean 'near'"),
+        ("furthest", CircuitkitError, "'furthest', which is a number; allowed: one that is true or false"),
+    ],
+)
+def test_what_is_no_condition_cannot_be_searched(tmp_path, condition, error, message):
+    search = {"field": "push.force", "low": "0 N", "high": "1 N", "step": "1 N", "while": condition}
+    with pytest.raises(error, match=message):
+        sweep(make_study({**POLE, "search": search}), tmp_path, workers=1, progress=False)
+
+
+def test_an_axis_with_the_name_of_a_measure_is_refused(tmp_path):
+    study = make_study({**POLE, "axes": {"furthest": {"a": {}}}})
+    with pytest.raises(CircuitkitError, match="found an axis 'furthest', which is a measure of the scenario"):
+        sweep(study, tmp_path, workers=1, progress=False)
+
+
+def test_weak_motors_and_other_floors_are_paths_too():
+    settings = {"actuator.strength": "50 %", "body.mass": "120 %", "slope.forward": "1 deg"}
+    with open_workers(1) as workers:
+        ((weak, _), (strong, _)) = run_cases(make_study(POLE), [settings, {}], range(2), workers)
+    assert weak.values["furthest"] != strong.values["furthest"]
+
+
+TUNING = """\
+study: pole
+scenario: cartpole_balances
+set: {push: [], duration: 1 s}
+tune:
+  circuit: cartpole_balance
+  parameters: {slope: {from: 1, to: 3}}
+  minimise: {figure: lean, is: "max(abs(pole))", unit: deg}
+  runs: {all: {}}
+  train: {seeds: {first: 0, count: 2}}
+  test: {seeds: {first: 5, count: 1}}
+  sampler: tpe
+  result: mine
+"""
+
+
+def test_a_tuning_may_name_an_expression_of_its_own(tmp_path):
+    path = tmp_path / "pole.yaml"
+    path.write_text(TUNING)
+    tuning = load_tuning(path)
+    runs = tuning.runs("train")
+    check(tuning, runs)
+    with open_workers(1) as workers:
+        (score,) = Measure(tuning, runs, workers)([{}])
+    scenario = load_scenario("cartpole_balances")
+    calm = [each for each in scenario.befalling if each.kind != "push"]
+    changed = scenario.with_disturbances(tuple(calm)).model_copy(update={"duration": 1.0})
+    plan = make_plan(changed)
+    recorded = run_loop(
+        plan.setup(plan.controller(), [RunSpec(seed, changed.befalling) for seed in range(2)])
+    )
+    leans = [math.degrees(each["largest_lean"]) for each in recorded.measures]
+    assert score.value == pytest.approx(sum(leans) / 2, rel=1e-12)
