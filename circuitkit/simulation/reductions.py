@@ -53,12 +53,12 @@ def _holds(x: Array) -> NDArray[np.bool_]:
 
 
 def _total_so_far(x: Array, dt: float) -> Array:
-    total: Array = np.cumsum(np.nan_to_num(x), axis=0) * dt
+    total: Array = np.asarray(np.cumsum(np.nan_to_num(x), axis=0) * dt, dtype=np.float64)
     return total
 
 
 def _held_so_far(x: Array, dt: float) -> Array:
-    held: Array = np.cumsum(_holds(x), axis=0) * dt
+    held: Array = np.asarray(np.cumsum(_holds(x), axis=0) * dt, dtype=np.float64)
     return held
 
 
