@@ -62,7 +62,7 @@ def bare_nao() -> mujoco.MjModel:
 def scenario(
     gait: str = "gait_march", disturbances: Iterable[Disturbance] = (), **changes: Any
 ) -> Scenario:  # fmt: skip
-    """`nao_push` with other disturbances, or none, and three seconds of another gait; further fields may differ."""
+    """`nao_push` with other disturbances, or none, and three seconds of another gait; and other changes."""
     calm = {"duration": 3.0, "reference": GaitReference(load_gait(gait))}
     return load_scenario("nao_push").with_disturbances(tuple(disturbances)).model_copy(update=calm | changes)
 

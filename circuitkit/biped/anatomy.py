@@ -1,4 +1,4 @@
-"""What the MJCF itself says of a biped: which way its joints turn, how long its legs are, where its soles end.
+"""What the MJCF itself says of a biped: which way its joints turn, how long legs are, where soles end.
 
 All of it is read in one pose: torso upright, legs straight, every joint of them at its offset.
 """
@@ -51,7 +51,7 @@ def measured(block: _Block, robot: RobotModel) -> _Block:
 
 
 def quarters(cells_m: Array, sole: Sole | None = None) -> Iterator[tuple[Array, list[float]]]:
-    """Centre and half sizes of the volume of each cell: from the middle of all four to beyond the sole's edge.
+    """Centre and half sizes of each cell's volume: from the middle of all four to beyond the sole's edge.
 
     Args:
         cells_m: Where the cells are, forward and left of the ankle; shape (4, 2).

@@ -1,8 +1,8 @@
 """Where the legs of an MJCF put the feet, and the angles that put them where a walk wants them.
 
 Eqs. 3-10 of the paper are for legs whose hip axes meet in a point, with thigh and tibia in one plane. Legs of
-others have axes that stand apart or are tilted, and hips that turn about z between roll and knee. So the angles
-of the equations are a first guess, and Newton's method finds those of the legs as they are.
+others have axes that stand apart or are tilted, and hips that turn about z between roll and knee. So the
+angles of the equations are a first guess, and Newton's method finds those of the legs as they are.
 """
 
 from __future__ import annotations

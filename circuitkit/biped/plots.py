@@ -166,12 +166,13 @@ def _zmp_details(axes: Axes, story: BipedSummary) -> None:
     changed = np.any(np.diff(story.lines_mm, axis=0, prepend=story.lines_mm[:1]) != 0, axis=1)
     for side, label in enumerate(("threshold of the circuit", None)):
         axes.plot(
-            story.run.time_s, np.where(seen & ~changed, story.lines_mm[:, side], np.nan), drawstyle="steps-pre",
+            story.run.time_s, np.where(seen & ~changed, story.lines_mm[:, side], np.nan),
+            drawstyle="steps-pre",
             color=INK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1.5, label=label, gid=f"threshold_{side}",
         )  # fmt: skip
     axes.plot(
-        story.run.time_s, np.where(seen, story.pressure_mm, np.nan), color=EXCITATORY, linewidth=0.7, zorder=1.6,
-        label="centre of pressure", gid="pressure",
+        story.run.time_s, np.where(seen, story.pressure_mm, np.nan), color=EXCITATORY, linewidth=0.7,
+        zorder=1.6, label="centre of pressure", gid="pressure",
     )  # fmt: skip
 
 
@@ -344,8 +345,8 @@ def _tilt_axes(axes: Axes, stories: Sequence[BipedSummary], window: tuple[float,
     for number, story in enumerate(stories):
         dash, colour = DASHES[number % len(DASHES)], colours[number % len(colours)]
         axes.plot(
-            story.run.time_s, story.tilt_deg, linestyle=dash, color=colour, linewidth=1.4, label=story.run.title,
-            gid=f"tilt_{number}",
+            story.run.time_s, story.tilt_deg, linestyle=dash, color=colour, linewidth=1.4,
+            label=story.run.title, gid=f"tilt_{number}",
         )  # fmt: skip
     axes.axhline(_FALL_DEG, color=PUSHED, linewidth=0.9, linestyle=":")
     axes.annotate(

@@ -36,7 +36,7 @@ class GaitMoment(FileModel):
 
 
 class GaitReference(Reference):
-    """Walks by a gait file; brings `planned_com_*`, moments of steps, and the directions inward and outward."""
+    """Walks by a gait file; brings `planned_com_*`, moments of steps, and the ways inward and outward."""
 
     kind: ClassVar[str] = "gait"
     settings = str

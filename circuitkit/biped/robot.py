@@ -247,13 +247,13 @@ class BipedBody:
 
     @cached_property
     def sensor_roles(self) -> dict[str, range]:
-        """Sensors of several numbers, as columns of `sensordata`: noise in them is noise in all channels of them."""
+        """Sensors of several numbers, as columns of `sensordata`: noise in them is in all their channels."""
         places = {"com": self.layout.com, "com_velocity": self.layout.com_velocity}
         return {name: range(place.start, place.stop) for name, place in places.items()}
 
     @cached_property
     def origin_m(self) -> Array:
-        """Where in the world the middle between the feet is at first: on the ground, under the hips; shape (3,)."""
+        """Where in the world the middle between the feet is at first: on the ground, under the hips; (3,)."""
         x, y = self.start_qpos[self.base_qpos : self.base_qpos + 2]
         ground = ground_below(self.model, self.torso_id, self.start_qpos)
         return np.array([x + self.block.legs.hip_offset_x, y, ground])

@@ -1,4 +1,4 @@
-"""What a biped's sensors say: places in `sensordata`, channels of force cells and CoM, the centre of pressure."""
+"""What a biped's sensors say: places in `sensordata`, channels of force cells and CoM, centre of pressure."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _LEAST_LOAD_N = 1.0  # below this a foot counts as unloaded, and its ZMP as in t
 
 @dataclass(frozen=True)
 class SensorLayout:
-    """Order of a biped's part of `sensordata`: cells, wrench of each foot (force, torque, point), CoM, CoM velocity,
-    gyro, accelerometer, up axis and position of the torso, position of each foot, angles of the legs' joints.
+    """Order of a biped's part of `sensordata`: cells, wrench of each foot (force, torque, point), CoM and its
+    velocity, gyro, accelerometer, up axis and position of the torso, each foot's position, the legs' angles.
 
     Attributes:
         cells: Names of the eight force cells, left foot first.

@@ -177,6 +177,6 @@ class BipedSpec(BlockSpec):
         return LegJoint(joint=found) if isinstance(found, str) else found
 
     def cells(self, side: str) -> Mapping[str, tuple[float, float]]:
-        """The force cells of a foot; names of our own where the file gives none, in places that are still to be measured."""
+        """The force cells of a foot; where the file gives none, our own names in places to be measured."""
         given = getattr(self.feet, side).cells
         return given or {f"{side}_cell_{corner}": (0.0, 0.0) for corner in CORNERS}

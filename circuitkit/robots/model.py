@@ -231,7 +231,7 @@ def _read(robot: Robot) -> Any:  # noqa: ANN401 - MjSpec is not typed
 
 
 def _base(model: mujoco.MjModel) -> int | None:
-    """The free joint that carries most: more moving parts than a loose object has, or the heavier of equals."""
+    """The free joint that carries most: more moving parts than a loose object, or the heavier of equals."""
     moving = np.bincount(model.body_rootid[model.dof_bodyid], minlength=model.nbody)
 
     def load(joint: int) -> tuple[int, float]:

@@ -1,7 +1,7 @@
 """What expressions may name of an MJCF: sensors, joints, bodies, actuators, contacts.
 
-Each reference, such as `position(torso, x)`, becomes numbers of MuJoCo's `sensordata`: of a sensor that the MJCF
-has, or of one that is added to the compiled model. Adding a sensor changes no bit of the motion.
+Each reference, such as `position(torso, x)`, becomes numbers of MuJoCo's `sensordata`: of a sensor that the
+MJCF has, or of one that is added to the compiled model. Adding a sensor changes no bit of the motion.
 """
 
 from __future__ import annotations
@@ -23,11 +23,14 @@ _OBJECT, _SENSOR = mujoco.mjtObj, mujoco.mjtSensor
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts, in the world's frame
 # What a sensor's numbers are; one that is not here, such as a user's or a plug-in's, fits any unit.
 _UNIT_OF_TYPE = {
-    "touch": "N", "accelerometer": "m/s^2", "velocimeter": "m/s", "gyro": "rad/s", "force": "N", "torque": "N*m",
+    "touch": "N", "accelerometer": "m/s^2", "velocimeter": "m/s", "gyro": "rad/s", "force": "N",
+    "torque": "N*m",
     "rangefinder": "m", "ballquat": "1", "ballangvel": "rad/s", "framepos": "m", "framequat": "1",
     "framexaxis": "1", "frameyaxis": "1", "framezaxis": "1", "framelinvel": "m/s", "frameangvel": "rad/s",
-    "framelinacc": "m/s^2", "frameangacc": "rad/s^2", "subtreecom": "m", "subtreelinvel": "m/s", "insidesite": "1",
-    "geomdist": "m", "geomnormal": "1", "geomfromto": "m", "e_potential": "N*m", "e_kinetic": "N*m", "clock": "s",
+    "framelinacc": "m/s^2", "frameangacc": "rad/s^2", "subtreecom": "m", "subtreelinvel": "m/s",
+    "insidesite": "1",
+    "geomdist": "m", "geomnormal": "1", "geomfromto": "m", "e_potential": "N*m", "e_kinetic": "N*m",
+    "clock": "s",
     "subtreeangmom": "N*m*s",
 }  # fmt: skip
 _OF_HINGE_AND_SLIDE = {
@@ -90,7 +93,7 @@ def _word(kind: mujoco.mjtSensor) -> str:
 
 @dataclass(frozen=True)
 class StandIn(Name):
-    """A name that stands for a part of an expression while its units are checked; it is shown as that part."""
+    """A name that stands for a part of an expression while units are checked; it is shown as that part."""
 
     def __str__(self) -> str:
         return self.name
@@ -251,7 +254,8 @@ def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as ab
     """Position, rate or force of a hinge or a slide."""
     if joint.type not in {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}:
         message = (
-            f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge or "
+            f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge "
+            "or "
             ""
             ""
             ""
@@ -350,7 +354,10 @@ def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
             message = f"found the component '{part}' of the sensor '{name}'; allowed: {letters}{numbers}"
             raise ExpressionError(message)
     elif width > 1:
-        message = f"the sensor '{name}' has {width} numbers; allowed: one of them, such as sensor({name}, {'x' if width == len(AXES) else 0})"
+        first = "x" if width == len(AXES) else 0
+        message = (
+            f"the sensor '{name}' has {width} numbers; allowed: one of them, such as sensor({name}, {first})"
+        )
         raise ExpressionError(message)
     if word in _OF_HINGE_AND_SLIDE:
         return Meaning(column(name), _of_joint(sensors.part(["joint"], sensor.objname)[1], word))
@@ -418,7 +425,7 @@ _vector("up(PART, axis)", _SENSOR.mjSENS_FRAMEZAXIS, "1")
 
 @_reference("acceleration(PART, axis)", 2)
 def _acceleration(sensors: Sensors, arguments: Arguments) -> Meaning:
-    """MuJoCo's sensor is what an accelerometer feels, which is 9.81 m/s^2 upward at rest; so is the world's."""
+    """MuJoCo's sensor is what an accelerometer feels: 9.81 m/s^2 upward at rest; so is the world's."""
     axis = _axis(arguments[1])
     felt = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, arguments[0])[axis]
     still = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, "world")[axis]

@@ -89,10 +89,10 @@ def _add_servo(mj: Any, name: str, joint: str, servo: Servo) -> None:  # noqa: A
 
 
 def _keep_controls(
-    mj: Any,
+    mj: Any,  # noqa: ANN401 - as above
     robot: Robot,
     kept: list[str],
-    servos: int,  # noqa: ANN401 - as above
+    servos: int,
 ) -> None:
     """Leave in each keyframe what is for the actuators that stay; servos hold the keyframe's positions."""
     if not any(len(key.ctrl) or len(key.act) for key in mj.keys):

@@ -167,8 +167,8 @@ class Worlds:
         """From now on a robot is simulated by its leader; one that is its own leader is simulated itself.
 
         A robot that did the same as its leader until now and does so from now on has the same positions and
-        readings. When it gets another leader, which may be itself, it goes on from the state of the one that it
-        followed. Call it before somebody takes `readings`, which are another array afterwards.
+        readings. When it gets another leader, which may be itself, it goes on from the state of the one that
+        it followed. Call it before somebody takes `readings`, which are another array afterwards.
 
         Args:
             leaders: Of each robot, shape (B,); a leader is its own leader.

@@ -1,6 +1,6 @@
-"""Disturbances: forces, and what befalls channels, commands, actuators and bodies; made before the loop starts.
+"""Disturbances: forces, and what befalls channels, commands, actuators and bodies; made before the loop.
 
-A kind is a module in `disturbances`: a model of what the file says, and `act`, which adds hooks to the effects.
+A kind is a module in `disturbances`: a model of what the file says, and `act`, which adds hooks.
 """
 
 from __future__ import annotations
@@ -79,10 +79,10 @@ class Disturbance(FileModel):
         return False
 
     def first_tick(self, effects: Effects, robot: int, where: str) -> int:  # noqa: ARG002 - for others
-        """From which tick on a robot may do otherwise than one that is not befallen by it; 0 if that is not known.
+        """From which tick on a robot may do otherwise than one that it does not befall; 0 if not known.
 
-        Asked of disturbances that are `per_robot`: robots with the same seed are the same before that tick, and
-        one of them is simulated for all.
+        Asked of disturbances that are `per_robot`: robots with the same seed are the same before that tick,
+        and         one of them is simulated for all.
 
         Raises:
             InputError: It starts at no moment of the reference.
@@ -397,6 +397,6 @@ def draw_effects(
 
 
 __all__ = [
-    "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start", "draw_effects",
-    "item_class", "placed",
+    "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start",
+    "draw_effects", "item_class", "placed",
 ]  # fmt: skip

@@ -138,7 +138,8 @@ class Plan:
         if name == CIRCUIT:
             if self.circuits.used is None:
                 message = (
-                    f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in its "
+                    f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in "
+                    "its "
                     ""
                     ""
                     ""
@@ -332,7 +333,9 @@ def _graph(
 
 
 def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> Body:
-    """Build the robot of a scenario and plan its motion; depends on robot, servos, duration and changed bodies.
+    """Build the robot of a scenario and plan its motion.
+
+    It depends on robot, servos, duration and changed bodies.
 
     Raises:
         InputError: A file is wrong or missing.

@@ -1,4 +1,4 @@
-"""The scenario: robot, reference, controller, disturbances, measures and seed, as data or as Python objects."""
+"""The scenario: robot, reference, controller, disturbances, measures and seed, as data or as objects."""
 
 from __future__ import annotations
 
@@ -301,7 +301,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
 
 
 def beside(name: str, document: Document) -> str:
-    """A file that a document names, from the document's own folder if it is a relative path that exists there."""
+    """A file that a document names, from the document's own folder if it is a path that exists there."""
     path = Path(name)
     near = Path(document.path).parent / path
     found = path.suffix and not path.is_absolute() and near.is_file()

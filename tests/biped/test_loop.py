@@ -1,4 +1,4 @@
-"""The closed loop of a walk: the same to the bit for any batch, threads and names; faults, falls and Ctrl-C."""
+"""The closed loop of a walk: the same to the bit for any batch, threads and names; faults, falls, Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measure `thresholds`: lines at which a circuit's neurons stand, and walks made up by hand against them."""
+"""The measure `thresholds`: lines at which a circuit's neurons stand, and walks made up by hand."""
 
 from __future__ import annotations
 
@@ -61,7 +61,8 @@ def test_lines_of_the_papers_network_are_the_edges_of_the_feet():
         ),
         (
             {"channel": "zmp_x"},
-            "measures.thresholds.left_foot: found 'q3': no neuron of 'edges' with a shift that reads 'zmp_x'; "
+            "measures.thresholds.left_foot: found 'q3': no neuron of 'edges' with a shift that reads "
+            "'zmp_x'; "
             ""
             ""
             ""

@@ -1,4 +1,4 @@
-"""Channels: each reference against MuJoCo's own data, or against geometry; and what is said of a wrong one."""
+"""Channels: each reference against MuJoCo's own data, or geometry; and what is said of a wrong one."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ BEAST = """
     <muscle name="biceps" tendon="cord" lengthrange=".1 .6"/>
   </actuator>
   <sensor>
-    <gyro name="gy ro" site="nose tip"/><jointpos name="jp" joint="push"/><framequat name="q" objtype="site" objname="hand"/>
+    <gyro name="gy ro" site="nose tip"/><jointpos name="jp" joint="push"/>
+    <framequat name="q" objtype="site" objname="hand"/>
     <user name="own" dim="2"/><clock name="now"/>
   </sensor>
 </mujoco>
@@ -101,7 +102,7 @@ def test_sensors_of_one_and_of_several_numbers(beast):
             "sensor(q, 3)": "1",
             "sensor(own, 1)": "N",
             "sensor(now)": "s",
-        }  # fmt: skip
+        }
     )
     expected = [
         *data.sensor("gy ro").data,
@@ -121,7 +122,7 @@ def test_position_and_axes_are_those_of_the_part(beast, part):
             **axes(f'ahead("{part}", AXIS)', "1"),
             **axes(f'side("{part}", AXIS)', "1"),
             **axes(f'up("{part}", AXIS)', "1"),
-        }  # fmt: skip
+        }
     )
     if part in {"hand", "nose tip"}:
         place, frame = data.site(part).xpos, data.site(part).xmat
@@ -202,11 +203,12 @@ def test_actuators_and_tendons(beast):
             "tendon_rate(cord)": "m/s",
             'force("el bow")': "N*m",
             "force(push)": "N",
-        }  # fmt: skip
+        }
     )
     biceps, turn, cord = data.actuator("biceps"), data.actuator("turn"), data.tendon("cord")
     expected = [
-        biceps.length[0], biceps.velocity[0], biceps.force[0], turn.force[0], cord.length[0], cord.velocity[0],
+        biceps.length[0], biceps.velocity[0], biceps.force[0], turn.force[0],
+        cord.length[0], cord.velocity[0],
         data.joint("el bow").qfrc_actuator[0], data.joint("push").qfrc_actuator[0],
     ]  # fmt: skip
     np.testing.assert_allclose(list(found.values()), expected, atol=1e-12)
@@ -245,7 +247,7 @@ def test_at_rest_the_contact_force_is_the_weight(beast):
             'contact(block, "main body")': "N",
             **axes("contact(block, AXIS)", "N"),
             'contact(block, "the floor", z)': "N",
-        },  # fmt: skip
+        },
         settle=1500,
     )
     weight = 7 * 9.81

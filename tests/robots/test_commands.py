@@ -14,16 +14,21 @@ from circuitkit.robots import Observer, Worlds, build_model, load_robot
 from circuitkit.robots.model import servo_numbers
 from circuitkit.robots.worlds import substeps_of
 
-# Two joints, of which one has its own position actuator with a gear, and another one a motor; all are limited.
+# Two joints, of which one has a position actuator with a gear, and another one a motor; all are limited.
 ARM = """
 <mujoco>
   <option timestep="0.001" gravity="0 0 0"/>
-  <default><general ctrllimited="true" ctrlrange="-.1 .1" forcerange="-1 1"/><position ctrlrange="-1 1"/></default>
+  <default>
+    <general ctrllimited="true" ctrlrange="-.1 .1" forcerange="-1 1"/><position ctrlrange="-1 1"/>
+  </default>
   <worldbody>
-    <body name="upper"><joint name="shoulder" axis="0 1 0" damping="1"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".03"/>
+    <body name="upper"><joint name="shoulder" axis="0 1 0" damping="1"/>
+      <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03"/>
       <body name="lower" pos=".3 0 0"><joint name="elbow" axis="0 1 0" damping="1"/>
         <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03"/>
-        <body name="hand" pos=".3 0 0"><joint name="reach" type="slide" axis="1 0 0" damping="5"/><geom size=".05"/></body>
+        <body name="hand" pos=".3 0 0">
+          <joint name="reach" type="slide" axis="1 0 0" damping="5"/><geom size=".05"/>
+        </body>
       </body>
     </body>
     <body name="ball" pos="2 0 0"><freejoint/><geom size=".1"/></body>
@@ -207,7 +212,7 @@ def test_servos_stand_in_for_the_actuators_of_their_joints_and_no_other(tmp_path
 
 @given(target=st.floats(-1, 1), angle=st.floats(-1, 1), rate=st.floats(-3, 3))
 def test_a_servo_pulls_by_its_law_whatever_the_defaults_of_the_mjcf(servoed, target, angle, rate):
-    """Torque = k (target - angle) - d rate within its torque; the target is not limited to +-0.1 as motors are."""
+    """Torque = k (target - angle) - d rate within its torque; the target is not limited as motors are."""
     model, data = servoed
     data.actuator("elbow").ctrl, data.joint("elbow").qpos, data.joint("elbow").qvel = target, angle, rate
     mujoco.mj_forward(model, data)
@@ -276,7 +281,8 @@ def test_a_control_step_that_is_none(tmp_path, step_s, said):
     with pytest.raises(InputError) as caught:
         substeps_of(arm(tmp_path, timestep="2 ms"), step_s)
     assert str(caught.value).startswith(
-        f"control_step: found a control step of {said}; allowed: a multiple of the model's time step of 2 ms, "
+        f"control_step: found a control step of {said}; allowed: a multiple of the model's time step of 2 "
+        "ms, "
         ""
         ""
         ""
@@ -345,15 +351,16 @@ def test_a_control_step_that_is_none(tmp_path, step_s, said):
     "ground",
     ['<geom name="ground" type="box" size="3 3 .1" pos="0 0 -.1"/>',
      '<body name="island" pos="0 0 -.1"><geom name="ground" type="box" size="3 3 .1"/></body>',
-     '<body name="a"><body name="b" pos="0 0 -1"><geom name="ground" type="plane" size="3 3 .1" pos="0 0 1"/></body></body>'],
+     '<body><body pos="0 0 -1"><geom name="ground" type="plane" size="3 3 .1" pos="0 0 1"/></body></body>'],
 )  # fmt: skip
 def test_the_ground_is_whatever_the_mjcf_has(tmp_path, ground):
-    """A box, or something inside bodies: a block that falls on it comes to rest on it, and carries its weight."""
+    """A box, or something inside bodies: a block that falls on it comes to rest, and weighs on it."""
     mjcf = f"""<mujoco><worldbody>{ground}
       <body name="block" pos="0 0 .3"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/></body>
     </worldbody></mujoco>"""
     channels = {
-        "height": {"unit": "m", "is": "position(block, z)"}, "load": {"unit": "N", "is": "contact(block, ground, z)"},
+        "height": {"unit": "m", "is": "position(block, z)"},
+        "load": {"unit": "N", "is": "contact(block, ground, z)"},
         "all": {"unit": "N", "is": "contact(block)"},
     }  # fmt: skip
     model = small_model(tmp_path, mjcf, channels=channels)

@@ -1,4 +1,4 @@
-"""MJCFs that were written without circuitkit in mind: nothing in them is changed, and everything can be named."""
+"""MJCFs that were written without circuitkit in mind: nothing is changed, and everything can be named."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from circuitkit.robots import Worlds, build_model, load_robot
 from circuitkit.robots.starter import write_robot_starter
 from circuitkit.simulation import simulate
 
-# Names with spaces, slashes and letters beyond ASCII, words of YAML and Python, no names at all; every kind of
-# sensor and actuator; several free bodies, of which a loose one is the heaviest; mocap; height field; camera.
+# Names with spaces, slashes and letters beyond ASCII, words of YAML and Python, no names at all; every kind
+# of sensor and actuator; several free bodies, of which a loose one is the heaviest; mocap; height field;
+# camera.
 ODD = """
 <mujoco model="a/b c">
   <option timestep="0.003" integrator="implicitfast"/>
@@ -31,7 +32,8 @@ ODD = """
         <joint name="no" range="-1 1" limited="true"/><geom size=".05" pos=".1 0 0"/><site name="s it"/>
         <body pos=".2 0 0"><joint type="ball" name="ball"/><geom size=".05" pos=".1 0 0"/></body>
       </body>
-      <body name="é" pos="-.2 0 0"><joint type="slide" name="lambda" ref=".1"/><geom size=".05"/><site name="t1"/></body>
+      <body name="é" pos="-.2 0 0"><joint type="slide" name="lambda" ref=".1"/>
+        <geom size=".05"/><site name="t1"/></body>
     </body>
     <body pos="1 0 1"><freejoint/><geom size=".3"/></body>
     <body pos="2 0 1"><freejoint name="y"/><geom size=".1" name="obj"/></body>
@@ -42,22 +44,26 @@ ODD = """
     <fixed><joint joint="lambda" coef="1"/></fixed>
   </tendon>
   <actuator>
-    <motor joint="no"/><motor joint="no"/><position joint="lambda" kp="5"/><velocity joint="lambda" name="on"/>
+    <motor joint="no"/><motor joint="no"/><position joint="lambda" kp="5"/>
+    <velocity joint="lambda" name="on"/>
     <intvelocity joint="no" actrange="-1 1" actlimited="true" name="iv"/><damper joint="no" ctrlrange="0 1"/>
     <cylinder joint="lambda"/><muscle tendon="ten don" name="mu scle" lengthrange=".2 1.2"/>
-    <adhesion body="é" ctrlrange="0 1"/><general tendon="ten don"/><motor joint="ball" gear="1 0 0" name="bb"/>
+    <adhesion body="é" ctrlrange="0 1"/><general tendon="ten don"/>
+    <motor joint="ball" gear="1 0 0" name="bb"/>
     <motor site="t1" gear="0 0 1 0 0 0"/>
   </actuator>
   <sensor>
     <touch site="s it"/><gyro site="t1" name="gy ro"/><magnetometer site="t1" name="mag"/>
     <force site="t1" name="f"/><torque site="t1" name="tq"/><rangefinder site="t1" name="rf"/>
     <rangefinder camera="cam" name="rfc"/><camprojection site="t1" camera="cam" name="cp"/>
-    <jointpos joint="no" name="jp"/><jointlimitfrc joint="no" name="jl"/><tendonpos tendon="ten don" name="tp"/>
+    <jointpos joint="no" name="jp"/><jointlimitfrc joint="no" name="jl"/>
+    <tendonpos tendon="ten don" name="tp"/>
     <tendonactuatorfrc tendon="ten don" name="taf"/><actuatorfrc actuator="iv" name="af"/>
     <ballquat joint="ball" name="bq"/><ballangvel joint="ball" name="bv"/>
     <framequat objtype="site" objname="t1" name="fq"/><framelinacc objtype="body" objname="é" name="fa"/>
     <subtreeangmom body="é" name="sa"/><insidesite site="t1" objtype="body" objname="é" name="is"/>
-    <distance geom1="obj" body2="é" cutoff="5" name="di"/><fromto geom1="obj" body2="é" cutoff="5" name="ft"/>
+    <distance geom1="obj" body2="é" cutoff="5" name="di"/>
+    <fromto geom1="obj" body2="é" cutoff="5" name="ft"/>
     <normal geom1="obj" body2="é" cutoff="5" name="no"/><e_potential name="ep"/><e_kinetic name="ek"/>
     <clock name="cl"/><user dim="3" name="us"/><contact subtree1="é" name="con" data="found force" num="2"/>
     <jointactuatorfrc joint="no" name="jaf"/><accelerometer site="t1"/><accelerometer site="t1"/>
@@ -133,7 +139,7 @@ def test_motion_is_that_of_the_mjcf_to_the_last_bit(tmp_path, compiler):
 
 
 def test_geoms_without_a_mass_of_their_own_do_not_stop_a_body_from_having_one(tmp_path):
-    """Where inertia comes from geoms alone, those that are only seen count, and MuJoCo refuses to drop them."""
+    """Where inertia comes from geoms alone, those only seen count, and MuJoCo refuses to drop them."""
     mjcf = """<mujoco><compiler inertiafromgeom="true"/><worldbody><body name="b"><joint name="j"/>
       <geom size=".1" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
     robot = built(tmp_path, mjcf, "")

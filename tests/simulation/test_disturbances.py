@@ -1,4 +1,4 @@
-"""Every kind of disturbance on small robots: impulses, levers, noise by its statistics, faults tick by tick."""
+"""Every kind of disturbance on small robots: impulses, levers, statistics of noise, faults tick by tick."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def test_zero_stuck_and_spike(cart, channel):
     span = {"channel": channel, "start": 0.2, "duration": 0.1}
     inside = slice(19, 29)  # ticks 20 to 29; the first tick has no reading before
     for reading, change in (
-        ("zero", lambda true: np.zeros_like(true)),
+        ("zero", np.zeros_like),
         ("stuck", lambda true: np.broadcast_to(true[:1], true.shape)),
         ("spike", lambda true: true + 0.05),
     ):
@@ -287,8 +287,9 @@ def test_spells_of_actuators_overlap_and_leave_nothing_behind(cart):
 
 
 def test_a_soft_servo_yields_more_and_keeps_its_damping(tmp_path):
-    """A pole that hangs from a servo against its weight: sin-free, for a horizontal pole the torque is constant."""
-    mjcf = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="arm"><joint name="j" axis="0 1 0" damping="5"/>
+    """A servo that holds a pole against its weight: k times the sag is m g l cos(sag)."""
+    mjcf = """<mujoco><option gravity="0 0 -9.81"/><worldbody>
+      <body name="arm"><joint name="j" axis="0 1 0" damping="5"/>
       <geom type="sphere" pos="1 0 0" size=".01" mass="1"/></body></worldbody></mujoco>"""
     servos = [{"joints": ["j"], "stiffness": "500 N*m/rad", "damping": "20 N*m*s/rad", "torque": "100 N*m"}]
     robot = small_robot(tmp_path, mjcf, servos=servos, channels={"j": {"unit": "rad", "is": "joint(j)"}})
@@ -323,7 +324,8 @@ BLOCK = """
   <option timestep="0.002" cone="elliptic" impratio="10"/>
   <worldbody>
     <geom name="floor" type="plane" size="9 9 .1" friction="0.6"/>
-    <body name="block" pos="0 0 .1"><freejoint/><geom name="cube" type="box" size=".2 .2 .1" mass="2" friction="0.6"/></body>
+    <body name="block" pos="0 0 .1"><freejoint/>
+      <geom name="cube" type="box" size=".2 .2 .1" mass="2" friction="0.6"/></body>
   </worldbody>
 </mujoco>
 """
@@ -331,7 +333,7 @@ BLOCK = """
 
 @pytest.mark.parametrize(("body", "friction"), [("*", 0.2), ("block", 0.2), ("block", 0.9)])
 def test_a_block_on_a_slope_slides_if_its_friction_is_less_than_the_tangent(tmp_path, body, friction):
-    """With a = g (sin - mu cos), downhill; a body's own friction counts, be it more or less than the floor's."""
+    """With a = g (sin - mu cos), downhill; a body's own friction counts, more or less than the floor's."""
     robot = small_robot(tmp_path, BLOCK, channels={"v": {"unit": "m/s", "is": "velocity(block, x)"}})
     angle = math.radians(20)
     found = run(
@@ -453,9 +455,11 @@ def test_a_batch_of_n_is_n_single_robots_to_the_bit(cart):
     every = [
         Jitter(joints=0.1, position=0.1, start=0.05),
         Noise(std={"place": "1 mm", "twice": "2 mm", "angle": "1 deg"}),
-        Noise(channel="speed", std="1 cm/s", drift=0.1), Fault(channel="place", reading="dropped", chance=0.2),
+        Noise(channel="speed", std="1 cm/s", drift=0.1),
+        Fault(channel="place", reading="dropped", chance=0.2),
         Fault(channel="angle", reading="stuck", start=0.3, duration=0.1), Delay(channel="speed", by=0.02),
-        Delay(command="force", by=0.01), Push(body="pole", force=1.0, direction="forward", duration=0.1, start=0.1),
+        Delay(command="force", by=0.01),
+        Push(body="pole", force=1.0, direction="forward", duration=0.1, start=0.1),
         Actuator(strength=0.5, start=0.2, duration=0.1),
     ]  # fmt: skip
     names, seeds = ["place", "twice", "angle", "speed"], (3, 1, 4, 1, 5)

@@ -1,4 +1,4 @@
-"""Measures: every reduction against numpy, conditions, bounds, units, what ends a run; and every complaint."""
+"""Measures: every reduction against numpy, conditions, bounds, units, what ends a run; and complaints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def track(ended=False, bounds=None, first=0, **values):
     shape = next(iter(values.values())).shape
     return Track(
         step_s=DT, first=first, shape=shape, ended=ended, values=values.__getitem__,
-        bounds=lambda name: (bounds or {}).get(name), push_s=np.nan, pace_s=0.0,
+        bounds=(bounds or {}).get, push_s=np.nan, pace_s=0.0,
     )  # fmt: skip
 
 
@@ -142,7 +142,8 @@ def test_robots_of_a_batch_are_measured_side_by_side():
     [
         ("max(x)", "m"), ("total(x)", "m*s"), ("total(v)", "m"), ("duration(x > 1 m)", "s"),
         ("count(x > 1 m)", "1"), ("time_of(x > 1 m)", "s"), ("max(outside(x, 0 m, 1 m))", "m"),
-        ("total(hypot(v, v))", "m"), ("max(load) / 2 N", "1"), ("mean(x) / max(t)", "m/s"), ("rms(load) * max(x)", "N*m"),
+        ("total(hypot(v, v))", "m"), ("max(load) / 2 N", "1"), ("mean(x) / max(t)", "m/s"),
+        ("rms(load) * max(x)", "N*m"),
     ],
 )  # fmt: skip
 def test_the_unit_of_a_measure_follows_from_its_channels(text, unit):
@@ -267,7 +268,8 @@ def test_a_channel_that_a_measure_and_the_controller_read_is_seen_without_noise_
     ("fields", "said"),
     [
         ({"until": "place"}, "until: found 'place'; allowed: a condition, such as height < 0.2 m"),
-        ({"until": "place > 1 N"}, "until: found 'place > 1 N', which joins m and N; allowed: the same on all "
+        ({"until": "place > 1 N"}, "until: found 'place > 1 N', which joins m and N; allowed: the same on "
+            "all "
             ""
             ""
             ""

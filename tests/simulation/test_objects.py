@@ -1,4 +1,4 @@
-"""Scenarios of Python objects: the same as those of files, to the bit; controllers, references, circuits, plug-ins."""
+"""Scenarios of Python objects, the same as those of files to the bit; controllers, references, plug-ins."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ connect: {inputs: {lean: angle}, outputs: {motor_force: force}}
 duration: 0.8 s
 disturbances:
   - jitter: {start: 20 ms, joints: 2 deg}
-  - push: {body: pole, force: 2 N, direction: forward, duration: 100 ms, start: 200 ms, at: [0 m, 0 m, -10 cm]}
+  - push: {body: pole, force: 2 N, direction: forward, duration: 0.1 s, start: 0.2 s, at: [0 m, 0 m, -10 cm]}
   - noise: {channel: angle, std: 0.5 deg}
 until: abs(place) > 40 cm
 measures: {way: max(abs(place)), survived: not ended}
@@ -549,7 +549,8 @@ def test_kinds_of_others_are_words_of_a_scenario_like_our_own(plugged, files, ca
 def test_an_unknown_kind_lists_those_of_others_too(plugged, files):  # noqa: ARG001 - registers them
     said = complaint(files, "  - noise", "  - kik: {by: 1 N}\n  - noise")
     assert said.endswith(
-        "allowed: actuator, body, current, delay, fault, jitter, kick, move, noise, push, slope; did you mean "
+        "allowed: actuator, body, current, delay, fault, jitter, kick, move, noise, push, slope; did you "
+        "mean "
         ""
         ""
         ""

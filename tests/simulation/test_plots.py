@@ -64,7 +64,8 @@ def caught(cart):
 @pytest.mark.parametrize(
     ("direction", "force", "text"),
     [
-        ("left", 12.5, "12.5 N to the left"), ("forward", 7.0, "7 N forward"), ("backward", 30.0, "30 N backward"),
+        ("left", 12.5, "12.5 N to the left"), ("forward", 7.0, "7 N forward"),
+        ("backward", 30.0, "30 N backward"),
         ("right", 2.0, "2 N to the right"), ("up", 1.0, "1 N upward"), ("down", 1.0, "1 N downward"),
     ],
 )  # fmt: skip

@@ -142,7 +142,8 @@ WAYS = "forward, backward, left, right, up, down"
             "9:14: disturbances[0].push.force: found '20 kg', which is mass; allowed: a quantity such as '20 "
             "N'",
         ),
-        ("force: 20 N", "force: -20 N", "9:14: disturbances[0].push.force: found '-20 N'; allowed: at least 0 "
+        ("force: 20 N", "force: -20 N", "9:14: disturbances[0].push.force: found '-20 N'; allowed: at least "
+            "0 "
             ""
             ""
             ""
@@ -211,12 +212,14 @@ WAYS = "forward, backward, left, right, up, down"
         ),
         (
             "{step: 1, phase: lift, at: 20 %}", "soon",
-            "12:14: disturbances[0].push.start: found 'soon'; allowed: a time such as '5 s', or a moment of the "
+            "12:14: disturbances[0].push.start: found 'soon'; allowed: a time such as '5 s', or a moment of "
+            "the "
             "reference",
         ),
         (
             "reading: missing", "reading: broken",
-            "13:39: disturbances[1].fault.reading: found 'broken'; allowed: missing, zero, stuck, spike, dropped",
+            "13:39: disturbances[1].fault.reading: found 'broken'; allowed: missing, zero, stuck, spike, "
+            "dropped",
         ),
         (
             "reading: missing", "reading: spike",
@@ -237,7 +240,8 @@ WAYS = "forward, backward, left, right, up, down"
             "seed: 0", "  - {}",
             "16:5: disturbances[4]: found nothing; allowed: one kind of disturbance, such as push: {…}",
         ),
-        ("seed: 0", "  - body: {mass: 0 %}", "16:18: disturbances[4].body.mass: found '0 %'; allowed: more than 0 %"),
+        ("seed: 0", "  - body: {mass: 0 %}", "16:18: disturbances[4].body.mass: found '0 %'; allowed: more "
+            "than 0 %"),
         (
             "seed: 0", "  - slope: {forward: 45 deg}",
             "16:22: disturbances[4].slope.forward: found '45 deg'; allowed: at most 30 deg",
@@ -312,7 +316,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
     [
         (
             "direction: inward", "direction: inwards",
-            f"10:18: disturbances[0].push.direction: unknown direction 'inwards'; allowed: {WAYS}, outward, inward, "
+            f"10:18: disturbances[0].push.direction: unknown direction 'inwards'; allowed: {WAYS}, outward, "
+            "inward, "
             "or an angle such as '15 deg'; did you mean 'inward'?",
         ),
         (
@@ -349,7 +354,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "seed: 0", "  - noise: {channel: zmp_y, std: 1 N}",
-            "16:34: disturbances[4].noise.std: found '1 N', and the channel 'zmp_y' has 'm'; allowed: a unit like it",
+            "16:34: disturbances[4].noise.std: found '1 N', and the channel 'zmp_y' has 'm'; allowed: a "
+            "unit like it",
         ),
         (
             "seed: 0", '  - noise: {channel: "*Fsr*", std: -1 N}',
@@ -357,7 +363,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "seed: 0", "  - fault: {channel: LFsrFL, reading: spike, value: 2 m}",
-            "16:53: disturbances[4].fault.value: found '2 m', and the channel has 'N'; allowed: a unit like it",
+            "16:53: disturbances[4].fault.value: found '2 m', and the channel has 'N'; allowed: a unit like "
+            "it",
         ),
         (
             "seed: 0", "  - move: {body: Head, position: [0 m, 0 m, 0 m]}",
@@ -389,7 +396,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "until: upright <", "until: load <",
-            "17:8: until: found 'load < 0.7', which joins N and a plain number; allowed: the same on all sides",
+            "17:8: until: found 'load < 0.7', which joins N and a plain number; allowed: the same on all "
+            "sides",
         ),
         (
             "until: upright < 0.7 or com_z < 0.6 * first(com_z)", "until: upright",
@@ -406,7 +414,8 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
     [
         (
             "body: torso", "body: belly",
-            "8:13: disturbances[0].push.body: unknown body 'belly'; allowed: torso, left_foot, right_foot, Neck, ",
+            "8:13: disturbances[0].push.body: unknown body 'belly'; allowed: torso, left_foot, right_foot, "
+            "Neck, ",
             " more",
         ),
         (
@@ -431,12 +440,14 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
         ),
         (
             "seed: 0", "  - delay: {command: ankle, by: 10 ms}",
-            "16:22: disturbances[4].delay.command: unknown command 'ankle'; allowed: ankle_roll, ankle_pitch, ",
+            "16:22: disturbances[4].delay.command: unknown command 'ankle'; allowed: ankle_roll, "
+            "ankle_pitch, ",
             "; did you mean 'ankle_roll'?",
         ),
         (
             "time_of(ended)", "2 * max(position(ball, x))",
-            "19:27: measures.time_of_fall_s: the MJCF has no body or site or geom or camera 'ball'; allowed: world, ",
+            "19:27: measures.time_of_fall_s: the MJCF has no body or site or geom or camera 'ball'; "
+            "allowed: world, ",
             " more",
         ),
         (
@@ -448,14 +459,16 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
             "* first(com_z)", "* first(comz)",
             "17:45: until: unknown name 'comz'; allowed: ", " more; did you mean 'com_z'?",
         ),
-        ("seed: 0", "silenced: [q1 -> p3]", "16:11: silenced: found 'q1 -> p3': no connection in ", "'q1 -> p1'?"),
+        ("seed: 0", "silenced: [q1 -> p3]", "16:11: silenced: found 'q1 -> p3': no connection in "
+            "", "'q1 -> p1'?"),
         (
             "seed: 0", "connect: {inputs: {zmp: com_y}}",
             "16:25: connect.inputs.zmp: the circuit has no input 'zmp'; ", "did you mean 'zmp_y'?",
         ),
         (
             "seed: 0", "connect: {inputs: {zmp_y: comy}}",
-            "16:27: connect.inputs.zmp_y: the robot has no channel 'comy'; allowed: ", "did you mean 'com_y'?",
+            "16:27: connect.inputs.zmp_y: the robot has no channel 'comy'; allowed: "
+            "", "did you mean 'com_y'?",
         ),
         (
             "seed: 0", "connect: {outputs: {ankle_roll: ankle_rol}}",
@@ -464,7 +477,8 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
         ),
         (
             "seed: 0", "control_step: 3 ms",
-            "16:15: control_step: found a control step of 3 ms; allowed: a multiple of the model's time step of 2 ms",
+            "16:15: control_step: found a control step of 3 ms; allowed: a multiple of the model's time "
+            "step of 2 ms",
             "; or set timestep: 1.5 ms in the robot file",
         ),
         (
@@ -476,7 +490,8 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
             "16:13: controller: unknown controller 'open_lop'; allowed: open_loop, circuit, ",
             "did you mean 'open_loop'?",
         ),
-        ("robot: nao", "robot: noa", "2:8: robot: unknown robot (a path to a robot.yaml is ", "did you mean 'nao'?"),
+        ("robot: nao", "robot: noa", "2:8: robot: unknown robot (a path to a robot.yaml is "
+            "", "did you mean 'nao'?"),
     ],
 )  # fmt: skip
 def test_a_complaint_about_the_run_lists_what_there_is(tmp_path, old, new, begins, ends):

@@ -144,7 +144,7 @@ def plan_stand(
     whole_body_zmp: Callable[[Walk], Array],
     then: Callable[[Walk], Array],
 ) -> tuple[Walk, Array]:
-    """Standing for as long as the gait stands before its first step, with the whole body's ZMP at the reference.
+    """Standing for as long as the gait stands before its first step, the whole body's ZMP at the reference.
 
     Args:
         gait: The numbers; only those of standing count.

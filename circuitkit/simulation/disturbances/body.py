@@ -56,7 +56,7 @@ class Body(Disturbance):
             self._rub(model, bodies)
 
     def _rub(self, model: mujoco.MjModel, bodies: list[int]) -> None:
-        """Give the geoms their friction. Of two geoms that touch, the higher priority, else the rougher counts."""
+        """Give the geoms their friction. Of two that touch, the higher priority, else the rougher counts."""
         everything = self.body == "*"
         for geom in range(model.ngeom):
             if everything:

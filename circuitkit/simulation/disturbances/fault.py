@@ -17,13 +17,14 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
 class Fault(Disturbance):
-    """Lets channels fail: what the controller reads is missing, zero, stuck, a spike, or dropped at random."""
+    """Lets channels fail: what the controller reads is missing, zero, stuck, a spike, or dropped."""
 
     kind: ClassVar[str] = "fault"
 
     channel: str = Field(description="Name of a channel or sensor, with * for any letters.")
     reading: Literal["missing", "zero", "stuck", "spike", "dropped"] = Field(
-        description="missing: not a number; zero; stuck: as it was when the fault began; spike: `value` more; "
+        description="missing: not a number; zero; stuck: as it was when the fault began; spike: `value` "
+        "more; "
         ""
         ""
         ""
@@ -96,7 +97,8 @@ class Fault(Disturbance):
     def _complete(self) -> Fault:
         for reading, key in (("spike", "value"), ("dropped", "chance")):
             if (self.reading == reading) != (getattr(self, key) is not None):
-                message = f"found the reading {self.reading} {'without' if self.reading == reading else 'with'} {key}"
+                word = "without" if self.reading == reading else "with"
+                message = f"found the reading {self.reading} {word} {key}"
                 allowed = f"{key} with the reading {reading}, and only there"
                 raise ValueError(f"{message}; allowed: {allowed}")  # noqa: EM102, TRY003 - built above
         return self

@@ -36,7 +36,8 @@ class Jitter(Disturbance):
     )
     position: Metres | tuple[Metres, Metres] = Field(
         default=0.0,
-        description="The base starts up to this much further forward or back, left or right; one for both, or "
+        description="The base starts up to this much further forward or back, left or right; one for both, "
+        "or "
         ""
         ""
         ""

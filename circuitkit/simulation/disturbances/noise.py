@@ -21,8 +21,8 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 class Noise(Disturbance):
     """Adds noise to what the controller reads of channels: white, or a drift with a time constant.
 
-    White noise is n_k = s z_k with z_k from the normal distribution. A drift is the Ornstein-Uhlenbeck process
-    n_k = a n_(k-1) + s sqrt(1 - a^2) z_k with a = exp(-dt / drift), whose standard deviation is s as well.
+    White noise is n_k = s z_k with z_k from the normal distribution. A drift is the Ornstein-Uhlenbeck
+    process n_k = a n_(k-1) + s sqrt(1 - a^2) z_k with a = exp(-dt / drift), whose deviation is s as well.
     """
 
     kind: ClassVar[str] = "noise"
