@@ -23,8 +23,9 @@ from circuitkit.control import (
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
 from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation.disturbance import RunSpec, draw_effects
+from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
-from circuitkit.simulation.measures import Formula, Judge, located, parse_measure
+from circuitkit.simulation.measures import Judge, located
 from circuitkit.simulation.reference import Motion, Reference
 from circuitkit.simulation.scenario import Scenario
 

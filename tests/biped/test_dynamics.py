@@ -10,8 +10,8 @@ import pytest
 from scipy.linalg import null_space
 from walking import bare_nao, nao_body
 
-from circuitkit.biped.gait import load_gait, plan_walk
 from circuitkit.biped.dynamics import BodyDynamics, generalised_positions, joint_targets
+from circuitkit.biped.gait import load_gait, plan_walk
 
 DT = 0.01
 

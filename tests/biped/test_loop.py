@@ -9,7 +9,18 @@ import pytest
 from biped.made_up import EDGES, judged
 from biped.made_up import recording as made_up
 from biped.nao_files import renamed_robot
-from walking import a_push, assert_same_bits, fault, known_of, nao, nao_body, plan_of, view_of, walk_all, walk_alone
+from walking import (
+    a_push,
+    assert_same_bits,
+    fault,
+    known_of,
+    nao,
+    nao_body,
+    plan_of,
+    view_of,
+    walk_all,
+    walk_alone,
+)
 
 from circuitkit import parse_circuit
 from circuitkit.biped.robot import ForceCells

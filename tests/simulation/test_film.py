@@ -15,7 +15,8 @@ import pytest
 from walking import a_push, nao_body, scenario, walk_alone
 
 from circuitkit.base.errors import MissingDependencyError
-from circuitkit.simulation import make_plan, renderer as renderers
+from circuitkit.simulation import make_plan
+from circuitkit.simulation import renderer as renderers
 from circuitkit.simulation.film import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, frame_count
 from circuitkit.simulation.panel import Panel
 from circuitkit.simulation.renderer import RendererError

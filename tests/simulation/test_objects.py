@@ -12,7 +12,16 @@ from circuitkit import parse_circuit
 from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.base.units import parse_unit
 from circuitkit.control import CircuitController, Controller, PlannedChannel
-from circuitkit.simulation import Moment, Motion, Reference, Scenario, compare, load_scenario, make_plan, simulate
+from circuitkit.simulation import (
+    Moment,
+    Motion,
+    Reference,
+    Scenario,
+    compare,
+    load_scenario,
+    make_plan,
+    simulate,
+)
 from circuitkit.simulation.disturbances.jitter import Jitter
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.disturbances.push import Push

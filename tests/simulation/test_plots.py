@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 from PIL import Image
+from simulation.test_objects import CIRCUIT
 from small_robots import CART, CART_FILE, PUCK, PUCK_FILE, Told, run, small_robot
 
 from circuitkit import parse_circuit
@@ -29,7 +30,6 @@ from circuitkit.simulation.recording import column_name
 from circuitkit.simulation.result import Result
 from circuitkit.simulation.scenario import Scenario
 from circuitkit.simulation.summary import find_pushes, summarise
-from simulation.test_objects import CIRCUIT
 
 CONNECT = {"inputs": {"lean": "angle"}, "outputs": {"motor_force": "force"}}
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from simulation.test_scenario import TEXT, WAYS, written
-from walking import a_push, assert_same_bits, scenario
+from walking import assert_same_bits, scenario
 
 import circuitkit
 from circuitkit.base.errors import InputError, UnknownNameError, listing
