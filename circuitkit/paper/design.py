@@ -123,7 +123,9 @@ def _ankle_rolls(robot: RobotModel, biped: BipedBody) -> list[_AnkleRoll]:
         gear = abs(float(biped.gear[place]))
         found.append(
             _AnkleRoll(
-                limit_rad=float(np.abs(joint.range).min()) if joint.limited[0] else math.pi,
+                limit_rad=float(np.abs(joint.range - block.joint(role).offset).min())
+                if joint.limited[0]
+                else math.pi,
                 torque_nm=float(servo.forcerange[1]) * gear if servo.forcelimited[0] else math.inf,
                 damping=-float(servo.biasprm[2]) * gear**2,
             )
@@ -177,8 +179,9 @@ def reaches_of(robot: RobotModel, gait: GaitSpec, moment: float) -> tuple[Reach,
     at = begin + moment * gait.single_support / gait.control_step
     start = float(np.interp(at, np.arange(len(xi)), xi))
     block = biped_of(robot).block
-    hip, feet = block.legs.hip_offset_y, block.feet
+    hip = block.legs.hip_offset_y
+    left, right = (getattr(block.feet, side).sole for side in SIDES)
     return (
-        Reach("outward", max(hip + feet.left.sole.left - start, 0.0)),
-        Reach("inward", max(start + hip - feet.right.sole.right, 0.0)),
+        Reach("outward", max(hip + left.left - start, 0.0)),
+        Reach("inward", max(start + hip - right.right, 0.0)),
     )
