@@ -69,7 +69,9 @@ def robot_file(folder: Path, mjcf: str, **sections: Any) -> Path:
     folder.mkdir(exist_ok=True)
     (folder / "model.xml").write_text(mjcf, encoding="utf-8")
     path = folder / "robot.yaml"
-    text = yaml.safe_dump({"robot": "small", "mjcf": "model.xml", **sections}, sort_keys=False, allow_unicode=True)
+    text = yaml.safe_dump(
+        {"robot": "small", "mjcf": "model.xml", **sections}, sort_keys=False, allow_unicode=True
+    )
     path.write_text(text, encoding="utf-8")
     return path
 

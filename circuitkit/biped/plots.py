@@ -150,7 +150,9 @@ def _zmp_axes(axes: Axes, story: BipedSummary, window: tuple[float, float]) -> N
         gid="support",
     )
     before, after = _before_and_after(story, story.zmp_mm)
-    axes.plot(story.run.time_s, before, color=INK, linewidth=1.1, label="ZMP by force cells", gid="zmp_before")
+    axes.plot(
+        story.run.time_s, before, color=INK, linewidth=1.1, label="ZMP by force cells", gid="zmp_before"
+    )
     if story.run.pushes:
         label = "ZMP from the push on"
         axes.plot(story.run.time_s, after, color=PUSHED, linewidth=1.5, label=label, gid="zmp_after")
@@ -261,7 +263,8 @@ def _mark_moments(axes: Axes, story: BipedSummary) -> None:
     for time, marker, label in moments:
         if time <= story.run.end_s:
             y, v = (
-                np.interp([time], story.run.time_s, curve) for curve in (story.com_mm, story.com_velocity_mm_s)
+                np.interp([time], story.run.time_s, curve)
+                for curve in (story.com_mm, story.com_velocity_mm_s)
             )
             axes.plot(
                 y, v, marker, color=PUSH_FILL, markeredgecolor=INK, markersize=6.5, linestyle="none",

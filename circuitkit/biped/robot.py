@@ -15,7 +15,6 @@ from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.anatomy import ground_below, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
-from circuitkit.biped.kinematics import LegKinematics
 from circuitkit.biped.sensing import Array, SensorLayout, channels
 from circuitkit.biped.spec import BipedSpec
 from circuitkit.biped.view import BipedView
@@ -253,11 +252,6 @@ class BipedBody:
         return {name: range(place.start, place.stop) for name, place in places.items()}
 
     @cached_property
-    def kinematics(self) -> LegKinematics:
-        """Where the MJCF's own legs put the feet."""
-        return LegKinematics(self)
-
-    @cached_property
     def origin_m(self) -> Array:
         """Where in the world the middle between the feet is at first: on the ground, under the hips; shape (3,)."""
         x, y = self.start_qpos[self.base_qpos : self.base_qpos + 2]
@@ -321,7 +315,9 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
     names = [model.joint(j).name for j in joints]
     if missing := [role for role in block.roles if block.joint(role).joint not in names]:
         name = block.joint(missing[0]).joint
-        message = f"the joint '{name}' has no position servo; allowed: {listing(names)}; or give it one by servos"
+        message = (
+            f"the joint '{name}' has no position servo; allowed: {listing(names)}; or give it one by servos"
+        )
         raise InputError(robot.robot.problem(("biped", "joints", missing[0]), message))
     torso = int(model.body(block.torso).id)
     base = int(model.body_jntadr[torso])

@@ -121,11 +121,10 @@ def _ankle_rolls(robot: RobotModel, biped: BipedBody) -> list[_AnkleRoll]:
         place = biped.leg_servo[block.roles.index(role)]
         joint, servo = robot.model.joint(block.joint(role).joint), robot.model.actuator(biped.servos[place])
         gear = abs(float(biped.gear[place]))
+        offset = block.joint(role).offset  # what the MJCF has for a leg that stands straight
         found.append(
             _AnkleRoll(
-                limit_rad=float(np.abs(joint.range - block.joint(role).offset).min())
-                if joint.limited[0]
-                else math.pi,
+                limit_rad=float(np.abs(joint.range - offset).min()) if joint.limited[0] else math.pi,
                 torque_nm=float(servo.forcerange[1]) * gear if servo.forcelimited[0] else math.inf,
                 damping=-float(servo.biasprm[2]) * gear**2,
             )
@@ -179,9 +178,8 @@ def reaches_of(robot: RobotModel, gait: GaitSpec, moment: float) -> tuple[Reach,
     at = begin + moment * gait.single_support / gait.control_step
     start = float(np.interp(at, np.arange(len(xi)), xi))
     block = biped_of(robot).block
-    hip = block.legs.hip_offset_y
-    left, right = (getattr(block.feet, side).sole for side in SIDES)
+    hip, feet = block.legs.hip_offset_y, block.feet
     return (
-        Reach("outward", max(hip + left.left - start, 0.0)),
-        Reach("inward", max(start + hip - right.right, 0.0)),
+        Reach("outward", max(hip + feet.left.extent.left - start, 0.0)),
+        Reach("inward", max(start + hip - feet.right.extent.right, 0.0)),
     )

@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.biped.gait import SIDES
 from circuitkit.biped.gait.lipm import dcm, largest_push_force
 from circuitkit.biped.gait.support import distances_to_edge
 from circuitkit.biped.robot import biped_of
@@ -53,14 +52,15 @@ def _start_of_push(plan: Plan) -> _PushStart:
     """Walk in open loop without the push, and look at the moment when it would begin."""
     recording = record(plan, "open_loop", [without_pushes(plan)])
     push, biped = plan.scenario.pushes[0], biped_of(recording.robot)
-    layout, soles = biped.layout, [getattr(biped.block.feet, side).sole for side in SIDES]
+    layout, feet = biped.layout, biped.block.feet
     tick = round(push_moment(plan.scenario, plan.reference).time_s / plan.body.step_s)
     now = recording.readings[tick, 0]
     height = float(now[layout.com][2])
     ankles = np.stack([now[layout.foot(side)][:2] for side in range(2)])
     return _PushStart(
         dcm_m=dcm(now[layout.com][:2], now[layout.com_velocity][:2], height),
-        corners_m=np.concatenate([_corners_m(sole) for sole in soles]) + ankles.repeat(4, 0),
+        corners_m=np.concatenate([_corners_m(foot.extent) for foot in (feet.left, feet.right)])
+        + ankles.repeat(4, 0),
         com_height_m=height,
         push_height_m=_height_of(plan, push.body, recording.qpos[tick, 0]) + push.height,
     )

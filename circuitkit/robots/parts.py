@@ -37,10 +37,12 @@ _OF_HINGE_AND_SLIDE = {
 _WIDTHS = {"quat": 4, "fromto": 6, "camprojection": 2}
 # How many numbers these have depends on their settings; the compiler knows.
 _OPEN_WIDTH = frozenset({"contact", "user", "plugin", "tactile", "rangefinder"})
-_THREE = (
-    "accelerometer velocimeter gyro force torque magnetometer ballangvel framepos framexaxis frameyaxis framezaxis "
-    "framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel subtreeangmom geomnormal"
-).split()
+_THREE = frozenset({
+    "accelerometer", "velocimeter", "gyro", "force", "torque", "magnetometer",
+    "ballangvel", "framepos", "framexaxis", "frameyaxis", "framezaxis", "framelinvel",
+    "frameangvel", "framelinacc", "frameangacc", "subtreecom", "subtreelinvel", "subtreeangmom",
+    "geomnormal",
+})  # fmt: skip
 
 
 class Meaning(NamedTuple):
@@ -83,7 +85,7 @@ def _dimension(unit: str) -> OpenDimension:
 
 
 def _word(kind: mujoco.mjtSensor) -> str:
-    return kind.name.removeprefix("mjSENS_").lower()
+    return str(kind.name).removeprefix("mjSENS_").lower()
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,9 @@ class Sensors:
         try:
             model = self._mj.copy().compile()
         except ValueError:
-            return dict.fromkeys(self.own, 1)  # what is wrong with the model is said when it is compiled itself
+            return dict.fromkeys(
+                self.own, 1
+            )  # what is wrong with the model is said when it is compiled itself
         return {name: int(model.sensor(name).dim[0]) for name in self.own}
 
     def named(self, kind: str) -> dict[str, Any]:
@@ -178,7 +182,9 @@ def no_such(kind: str, name: str, have: Iterable[str]) -> ExpressionError:
     return ExpressionError(f"{message}; {hint}" if hint else message)
 
 
-def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDimension]) -> tuple[Expression, Expression]:
+def bind(
+    expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDimension]
+) -> tuple[Expression, Expression]:
     """Replace the references of an expression.
 
     Args:
@@ -194,7 +200,11 @@ def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDim
     """
     match expression:
         case Call(function=function, arguments=arguments) if function in _REFERENCES:
-            words = [each.name if isinstance(each, Name) else f"{each.value:g}" for each in arguments if isinstance(each, Name | Number)]
+            words = [
+                each.name if isinstance(each, Name) else f"{each.value:g}"
+                for each in arguments
+                if isinstance(each, Name | Number)
+            ]
             try:
                 meaning = _REFERENCES[function].meaning(sensors, words)
             except ExpressionError as error:
@@ -219,7 +229,9 @@ def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDim
     return expression, expression
 
 
-def _reference(usage: str, least: int, most: int | None = None) -> Callable[[Callable[[Sensors, Arguments], Meaning]], None]:
+def _reference(
+    usage: str, least: int, most: int | None = None
+) -> Callable[[Callable[[Sensors, Arguments], Meaning]], None]:
     """Register a reference by how it is written."""
 
     def register(meaning: Callable[[Sensors, Arguments], Meaning]) -> None:
@@ -238,7 +250,69 @@ def _axis(word: str) -> int:
 def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as above
     """Position, rate or force of a hinge or a slide."""
     if joint.type not in {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}:
-        message = f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge or a slide"
+        message = (
+            f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge or "
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            "a slide"
+        )
         raise ExpressionError(message)
     return _dimension(_OF_HINGE_AND_SLIDE[sensor][0 if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1])
 
@@ -263,7 +337,8 @@ def unit_of_sensor(kind: int, object_type: int, object_id: int, model: mujoco.Mj
 def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
     name = arguments[0]
     if name not in sensors.own:
-        raise no_such("sensor", name, (each for each in sensors.own if each))
+        kind = "sensor"
+        raise no_such(kind, name, (each for each in sensors.own if each))
     sensor, component = sensors.own[name], 0
     word, width = _word(sensor.type), sensors.width(name)
     if len(arguments) > 1:
@@ -414,4 +489,17 @@ def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
 
 
 ARITIES = {name: reference.arity for name, reference in _REFERENCES.items()}
-__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "StandIn", "bind", "column", "column_index", "no_such"]
+__all__ = [
+    "ARITIES",
+    "AXES",
+    "NO_DIMENSION",
+    "REFERENCES",
+    "Meaning",
+    "Reference",
+    "Sensors",
+    "StandIn",
+    "bind",
+    "column",
+    "column_index",
+    "no_such",
+]

@@ -40,7 +40,9 @@ def write_robot_starter(mjcf: Path, path: Path, *, force: bool = False) -> Path:
         The path.
     """
     if not mjcf.is_file():
-        raise InputError(Problem(str(mjcf), 1, 1, "--robot", "no such file; allowed: the path of an MJCF file"))
+        raise InputError(
+            Problem(str(mjcf), 1, 1, "--robot", "no such file; allowed: the path of an MJCF file")
+        )
     if path.exists() and not force:
         message = f"'{path}' is there already; allowed: another name, or --force"
         raise InputError(Problem("", 0, 0, "FILE", message))
@@ -61,7 +63,11 @@ def _lines(mjcf: Path, path: Path, model: mujoco.MjModel) -> Iterator[str]:
     yield f"mjcf: {_key(str(beside))}"
     yield f"# timestep: {model.opt.timestep * 1e3:g} ms      # the MJCF's own; a control step is a multiple of it"
     keys = [_key(model.key(i).name) for i in range(model.nkey)]
-    yield f"# key: {keys[0]}      # keyframes to start from: {', '.join(keys)}" if keys else "# (the MJCF has no keyframes)"
+    yield (
+        f"# key: {keys[0]}      # keyframes to start from: {', '.join(keys)}"
+        if keys
+        else "# (the MJCF has no keyframes)"
+    )
     yield from _joints(model)
     taken: set[str] = set()
     yield from _channels(model, taken)
@@ -177,7 +183,9 @@ def _commands(model: mujoco.MjModel, channels: set[str]) -> Iterator[str]:
         name, unit = model.actuator(i).name, _unit_of_actuator(model, i)
         limits = ""
         if model.actuator_ctrllimited[i]:
-            low, high = (f"{value:.9g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[i])
+            low, high = (
+                f"{value:.9g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[i]
+            )
             limits = f", limits: [{low}, {high}]"
         own = _word(name)
         if own in taken:

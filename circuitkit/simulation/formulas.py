@@ -38,7 +38,7 @@ Value: TypeAlias = "float | bool | None"
 
 ENDED, TIME = "ended", "t"
 _FUNCTIONS: Mapping[str, tuple[int, int]] = {
-    **{name: (1, 1) for name in REDUCTIONS},
+    **dict.fromkeys(REDUCTIONS, (1, 1)),
     "max": (1, 50),
     "min": (1, 50),
     "outside": (1, 3),
@@ -109,7 +109,7 @@ class Formula:
             track: The run, or a part of it.
             firsts: The first values, where the track is a later part; takes them, where it is the first one.
         """
-        functions = {
+        functions: dict[str, Callable[..., Any]] = {
             **NUMPY_FUNCTIONS,
             **{name: partial(_reduced, each, track) for name, each in REDUCTIONS.items()},
             "max": partial(_either, "max", track),
@@ -206,8 +206,8 @@ def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expr
             return Call("max", (beyond, Number(0.0)))
         case Call(function="outside", arguments=(Name(name=name) as x,)):
             found = track.bounds(name)
-            low, high = (-np.inf, np.inf) if found is None else found
-            values |= {f"{name} low": low, f"{name} high": high}
+            ends = (-np.inf, np.inf) if found is None else found
+            values |= {f"{name} low": ends[0], f"{name} high": ends[1]}
             beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
             return Call("max", (beyond, Number(0.0)))
         case Call(function=function, arguments=arguments):

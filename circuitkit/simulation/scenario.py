@@ -83,7 +83,10 @@ class _Measures(FileModel):
 def reference_class() -> type[_ReferenceItem]:
     """A model with a key for each kind of reference."""
     fields: dict[str, Any] = {
-        kind: (made.settings | None, Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]))
+        kind: (
+            made.settings | None,
+            Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]),
+        )
         for kind, made in REFERENCES.kinds.items()
     }
     return create_model("Reference", __base__=_ReferenceItem, **fields)
@@ -104,8 +107,17 @@ def scenario_class() -> type[Scenario]:
     measure: Any = measures_class()
     fields: dict[str, Any] = {
         "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
-        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls robot, channels and commands, in order.")),
-        "measures": (measure, Field(default=measure(), description="Expressions by name, and kinds of measures with their settings.")),
+        "disturbances": (
+            tuple[item, ...],
+            Field(default=(), description="What befalls robot, channels and commands, in order."),
+        ),
+        "measures": (
+            measure,
+            Field(
+                default=measure(),
+                description="Expressions by name, and kinds of measures with their settings.",
+            ),
+        ),
     }
     return create_model("Scenario", __base__=Scenario, **fields)
 
@@ -137,7 +149,9 @@ def _as_file(value: Any) -> Any:  # noqa: ANN401 - any field
     return value
 
 
-_TAKEN: Mapping[str, tuple[tuple[type, ...], str]] = {  # no types: what is neither a number nor a mapping nor a list
+_TAKEN: Mapping[
+    str, tuple[tuple[type, ...], str]
+] = {  # no types: what is neither a number nor a mapping nor a list
     "robot": ((str, Path, Robot), "the name of a robot, the path of a robot file, or a Robot"),
     "circuit": ((str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
     "controller": ((), "a name, a path, or a Controller"),
@@ -163,7 +177,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     controller: Any = Field(
         default=None, description="open_loop, circuit, or the name or path of a controller file."
     )
-    circuit: Any = Field(default=None, description="The circuit of the controller named circuit: a shipped one or a path.")
+    circuit: Any = Field(
+        default=None, description="The circuit of the controller named circuit: a shipped one or a path."
+    )
     settings: Mapping[str, str | float] = Field(
         default={}, description="Values of the circuit that take the place of its file's, such as w: 2 deg."
     )
@@ -174,7 +190,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         "such as q1 or q1 -> p1.",
     )
     control_step: Seconds | None = Field(
-        default=None, gt=0, description="Time between two commands; that of the reference, else that of the circuit, if absent."
+        default=None,
+        gt=0,
+        description="Time between two commands; that of the reference, else that of the circuit, if absent.",
     )
     duration: Seconds = Field(gt=0, le=LONGEST_S, description="How long the run lasts.")
     disturbances: Any = ()
@@ -270,7 +288,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
                 return replace(self._document.problem(place, problem.message, problem.hint), where=where)
         if not self._document.path:
             return replace(problem, where=where)
-        return replace(self._document.problem((key.partition(".")[0],), problem.message, problem.hint), where=where)
+        return replace(
+            self._document.problem((key.partition(".")[0],), problem.message, problem.hint), where=where
+        )
 
     def problem_in(self, key: str, name: str, message: str, offset: int) -> Problem:
         """A complaint about the text of an expression, such as `measures` and the name of one."""

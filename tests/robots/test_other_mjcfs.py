@@ -98,11 +98,15 @@ def test_a_started_file_of_anything_is_valid_runs_and_names_every_part(tmp_path)
     assert result.survived
     assert result.recording.ticks == 20
     for i in range(model.nsensor):
-        assert f"sensor({model.sensor(i).name}" in text.replace('"', "") or "circuitkit" in model.sensor(i).name
+        assert (
+            f"sensor({model.sensor(i).name}" in text.replace('"', "") or "circuitkit" in model.sensor(i).name
+        )
     for i in range(model.nu):
         name = model.actuator(i).name
         assert f"to: {{{name}: 1}}" in text.replace("'", "")
-    assert "  lambda_: {unit: m, is: 'joint(\"lambda\")'}" in text  # a word of the expressions is no name in them
+    assert (
+        "  lambda_: {unit: m, is: 'joint(\"lambda\")'}" in text
+    )  # a word of the expressions is no name in them
     assert "#   lambda: 100 mm" in text  # where it starts
     assert "  lambda__command: {unit: m, to: {lambda: 1}, limits: [-1 m, 1 m]}" in text
 
@@ -165,7 +169,9 @@ def test_parts_without_a_name_get_one(tmp_path):
     }
     channels = "channels:\n  a: {unit: m, is: joint(joint_0)}\n  b: {unit: rad, is: sensor(sensor_0)}\n"
     commands = "commands:\n  push: {unit: 1, to: {elbow: 1, elbow_: -1}}\n"
-    np.testing.assert_array_equal(built(tmp_path, NAMELESS, channels + commands).commands["push"].factors, [1, -1])
+    np.testing.assert_array_equal(
+        built(tmp_path, NAMELESS, channels + commands).commands["push"].factors, [1, -1]
+    )
 
 
 def test_a_component_is_one_that_the_sensor_has(tmp_path):
@@ -196,7 +202,9 @@ def test_defaults_of_the_mjcf_do_not_touch_servos_of_the_robot_file(tmp_path):
 def test_a_sensor_of_a_replaced_actuator_reads_the_servo(tmp_path):
     mjcf = NAMELESS.replace('<motor joint="elbow"/>', '<motor name="m" joint="elbow"/>', 1)
     mjcf = mjcf.replace("<sensor>", '<sensor><actuatorfrc name="torque" actuator="m"/>')
-    channels = "channels: {torque: {unit: N*m, is: sensor(torque)}, force: {unit: N*m, is: actuator_force(elbow)}}\n"
+    channels = (
+        "channels: {torque: {unit: N*m, is: sensor(torque)}, force: {unit: N*m, is: actuator_force(elbow)}}\n"
+    )
     robot = built(tmp_path, mjcf, SERVO + channels)
     data = mujoco.MjData(robot.model)
     data.ctrl[:] = 0.1
@@ -223,7 +231,8 @@ def test_a_time_step_that_does_not_divide_is_answered_with_one_that_does(tmp_pat
     with pytest.raises(InputError) as caught:
         simulate(tmp_path / "scenario.yaml")
     assert str(caught.value).endswith(
-        "scenario.yaml:3:15: control_step: found a control step of 20 ms; allowed: a multiple of the model's time "
+        "scenario.yaml:3:15: control_step: found a control step of 20 ms; allowed: a multiple of the model's "
+        "time "
         "step of 3 ms, such as 18 ms or 21 ms; or set timestep: 2.5 ms in the robot file"
     )
 
@@ -234,7 +243,9 @@ def test_warnings_of_mujoco_come_once_as_lines_that_name_the_file(tmp_path, capl
         for _ in range(2):
             built(tmp_path, mjcf, "")
     (said,) = [record.getMessage() for record in caplog.records]
-    assert said.startswith(f"{tmp_path / 'model.xml'}: MuJoCo says: compiler attribute 'settotalmass' is deprecated")
+    assert said.startswith(
+        f"{tmp_path / 'model.xml'}: MuJoCo says: compiler attribute 'settotalmass' is deprecated"
+    )
 
 
 def test_an_unstable_simulation_is_said_and_ends_the_run(tmp_path, monkeypatch):
@@ -242,13 +253,18 @@ def test_an_unstable_simulation_is_said_and_ends_the_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log into the working directory
     mjcf = NAMELESS.replace("<mujoco>", '<mujoco><option timestep="0.1" integrator="Euler"/>')
     mjcf = mjcf.replace('<joint type="slide"/>', '<joint type="slide" stiffness="1e6" springref="1"/>')
-    started(tmp_path, mjcf, SCENARIO.replace("15 ms", "100 ms").replace("0.3 s", "20 s") + "measures: {t: max(t)}\n")
+    started(
+        tmp_path,
+        mjcf,
+        SCENARIO.replace("15 ms", "100 ms").replace("0.3 s", "20 s") + "measures: {t: max(t)}\n",
+    )
     result = simulate(tmp_path / "scenario.yaml")
     ended = result.recording.ended_s()
     assert not result.survived
     assert result.outcome == f"became unstable at {ended:.2f} s"
     assert result.notes == (
-        f"the simulation became unstable at {ended:.3f} s; a smaller timestep, less stiff servos or more damping "
+        f"the simulation became unstable at {ended:.3f} s; a smaller timestep, less stiff servos or more "
+        "damping "
         "may help",
     )
     assert result.measures["t"] == pytest.approx(ended)

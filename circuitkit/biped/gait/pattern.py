@@ -59,7 +59,9 @@ class Walk:
 
     def rows(self, which: slice) -> Walk:
         """Some ticks of it."""
-        plan = Schedule(**{name: getattr(self.schedule, name)[which] for name in Schedule.__dataclass_fields__})
+        plan = Schedule(
+            **{name: getattr(self.schedule, name)[which] for name in Schedule.__dataclass_fields__}
+        )
         return Walk(self.gait, plan, self.pelvis_m[which], self.joints_rad[which])
 
 

@@ -40,7 +40,11 @@ class Body(Disturbance):
         """Change masses and friction of the compiled model."""
         model = robot.model
         with placed("body"):
-            bodies = [robot.number("body", self.body)] if "*" not in self.body else robot.matching("body", self.body)
+            bodies = (
+                [robot.number("body", self.body)]
+                if "*" not in self.body
+                else robot.matching("body", self.body)
+            )
         if self.mass != 1.0:
             model.body_mass[bodies] *= self.mass
             model.body_inertia[bodies] *= self.mass

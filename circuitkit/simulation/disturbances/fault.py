@@ -24,6 +24,66 @@ class Fault(Disturbance):
     channel: str = Field(description="Name of a channel or sensor, with * for any letters.")
     reading: Literal["missing", "zero", "stuck", "spike", "dropped"] = Field(
         description="missing: not a number; zero; stuck: as it was when the fault began; spike: `value` more; "
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
         "dropped: each tick is missing with `chance`."
     )
     value: AnyQuantity | None = Field(default=None, description="Size of a spike.")
@@ -48,7 +108,9 @@ class Fault(Disturbance):
             message = f"the fault starts at {first * effects.step_s:g} s; allowed: before the end of the run"
             raise InputError(Problem("", 0, 0, f"{where}.start", message))
         columns, names = effects.columns_of(self.channel, f"{where}.channel")
-        effects.spans.append((f"{self.channel} {self.reading}", first * effects.step_s, last * effects.step_s))
+        effects.spans.append(
+            (f"{self.channel} {self.reading}", first * effects.step_s, last * effects.step_s)
+        )
         if columns:
             effects.on_clipped.append(Hook(first, last, self._changing(effects, columns, where)))
         seen = [effects.observed.index(name) for name in names if name in effects.observed]
@@ -73,7 +135,9 @@ class Fault(Disturbance):
 
             return add
         chance = self.chance or 0.0
-        draws = [effects.generator(i, self.stream).random(effects.ticks) < chance for i in range(effects.batch)]
+        draws = [
+            effects.generator(i, self.stream).random(effects.ticks) < chance for i in range(effects.batch)
+        ]
         dropped = np.stack(draws, axis=1)
 
         def drop(tick: int, values: Array) -> None:
