@@ -68,7 +68,7 @@ def _parts() -> str:
         if len(lines[-1]) + len(each.usage) > _WIDTH:
             lines.append("")
         lines[-1] += f"{each.usage}   "
-    return "\n".join(["```text", *(line.rstrip() for line in lines), "```"])
+    return "\n".join(["```", *(line.rstrip() for line in lines), "```"])
 
 
 TABLES: dict[str, Callable[[], str]] = {

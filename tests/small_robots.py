@@ -31,7 +31,9 @@ CART = """
     </body>
   </worldbody>
   <actuator><motor name="motor" joint="slide" ctrlrange="-20 20"/></actuator>
-  <sensor><jointpos name="rail" joint="slide"/><framelinacc name="felt" objtype="site" objname="tip"/></sensor>
+  <sensor>
+    <jointpos name="rail" joint="slide"/><framelinacc name="felt" objtype="site" objname="tip"/>
+  </sensor>
   <keyframe><key name="swung" qpos="0.3 0.5" ctrl="1.5"/><key name="home"/></keyframe>
 </mujoco>
 """
@@ -51,7 +53,8 @@ PUCK = """
 <mujoco>
   <option timestep="0.001" gravity="0 0 0"/>
   <worldbody>
-    <body name="puck"><freejoint name="free"/><geom type="box" size=".1 .2 .05" mass="2"/><site name="s" pos=".1 0 0"/></body>
+    <body name="puck"><freejoint name="free"/>
+      <geom type="box" size=".1 .2 .05" mass="2"/><site name="s" pos=".1 0 0"/></body>
   </worldbody>
 </mujoco>
 """
@@ -69,7 +72,9 @@ def robot_file(folder: Path, mjcf: str, **sections: Any) -> Path:
     folder.mkdir(exist_ok=True)
     (folder / "model.xml").write_text(mjcf, encoding="utf-8")
     path = folder / "robot.yaml"
-    text = yaml.safe_dump({"robot": "small", "mjcf": "model.xml", **sections}, sort_keys=False, allow_unicode=True)
+    text = yaml.safe_dump(
+        {"robot": "small", "mjcf": "model.xml", **sections}, sort_keys=False, allow_unicode=True
+    )
     path.write_text(text, encoding="utf-8")
     return path
 

@@ -17,7 +17,16 @@ from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.biped.view import BipedView
 from circuitkit.control import Interface
 from circuitkit.robots import RobotModel, Worlds, build_model, load_robot
-from circuitkit.simulation import Disturbance, Motion, Plan, Recording, RunSpec, Scenario, load_scenario, make_plan
+from circuitkit.simulation import (
+    Disturbance,
+    Motion,
+    Plan,
+    Recording,
+    RunSpec,
+    Scenario,
+    load_scenario,
+    make_plan,
+)
 from circuitkit.simulation.disturbances.fault import Fault
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.loop import run_loop
@@ -53,14 +62,18 @@ def bare_nao() -> mujoco.MjModel:
 def scenario(
     gait: str = "gait_march", disturbances: Iterable[Disturbance] = (), **changes: Any
 ) -> Scenario:  # fmt: skip
-    """`nao_push` with other disturbances, or none, and three seconds of another gait; further fields may differ."""
+    """`nao_push` with other disturbances, or none, and three seconds of another gait; and other changes."""
     calm = {"duration": 3.0, "reference": GaitReference(load_gait(gait))}
     return load_scenario("nao_push").with_disturbances(tuple(disturbances)).model_copy(update=calm | changes)
 
 
 def a_push(**changes: Any) -> Push:
     """20 N to the inside for 0.2 s in the lift of step 0, but for the changes."""
-    start = {"step": changes.pop("step", 0), "phase": changes.pop("phase", "lift"), "at": changes.pop("at", 0.4)}
+    start = {
+        "step": changes.pop("step", 0),
+        "phase": changes.pop("phase", "lift"),
+        "at": changes.pop("at", 0.4),
+    }
     whole = {"body": "torso", "force": 20.0, "direction": "inward", "duration": 0.2, "start": start}
     return Push(**whole | changes)
 

@@ -53,7 +53,7 @@ def catalogue(kind: str | None = None) -> tuple[Shipped, ...]:
 
 
 def _folders() -> dict[str, str]:
-    """Where the files of a kind lie, as patterns from the top of the data; every folder below `sims` is a kind."""
+    """Where the files of a kind lie, as patterns from the top of the data; a folder in `sims` is a kind."""
     inner = sorted(path.name for path in data_folder("sims").iterdir() if path.is_dir())
     return {
         "circuits": "circuits/*.yaml",

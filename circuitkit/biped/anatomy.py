@@ -1,4 +1,4 @@
-"""What the MJCF itself says of a biped: which way its joints turn, how long its legs are, where its soles end.
+"""What the MJCF itself says of a biped: which way its joints turn, how long legs are, where soles end.
 
 All of it is read in one pose: torso upright, legs straight, every joint of them at its offset.
 """
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.biped.gait import SIDES
-from circuitkit.biped.spec import BipedSpec, CORNERS, Foot, LegJoint, Legs, Sole
+from circuitkit.biped.spec import CORNERS, BipedSpec, Foot, LegJoint, Legs, Sole
 from circuitkit.robots import RobotModel
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ def measured(block: _Block, robot: RobotModel) -> _Block:
 
 
 def quarters(cells_m: Array, sole: Sole | None = None) -> Iterator[tuple[Array, list[float]]]:
-    """Centre and half sizes of the volume of each cell: from the middle of all four to beyond the sole's edge.
+    """Centre and half sizes of each cell's volume: from the middle of all four to beyond the sole's edge.
 
     Args:
         cells_m: Where the cells are, forward and left of the ankle; shape (4, 2).
@@ -151,10 +151,16 @@ def _joints(block: BipedSpec, robot: RobotModel, pose: _Straight) -> dict[str, L
         shown = ", ".join(f"{value + 0.0:.2g}" for value in axis)
         where = ("biped", "joints", role)
         if abs(along) < _ALONG:
-            message = f"'{joint.joint}' turns about ({shown}) when the leg is straight; allowed: a hinge about {letter}"
+            message = (
+                f"'{joint.joint}' turns about ({shown}) when the leg is straight; allowed: a hinge about "
+                f"{letter}"
+            )
             problems.append(robot.robot.problem(where, message, "a leg that is bent at 0 needs an offset"))
         elif joint.sign not in {None, sign}:
-            message = f"'{joint.joint}' turns about ({shown}), found sign: {joint.sign}; allowed: sign: {sign}, or none"
+            message = (
+                f"'{joint.joint}' turns about ({shown}), found sign: {joint.sign}; allowed: sign: {sign}, or "
+                "none"
+            )
             problems.append(robot.robot.problem(where, message))
         found[role] = joint.model_copy(update={"sign": sign})
     if problems:
@@ -186,8 +192,14 @@ def _foot(block: BipedSpec, side: str, pose: _Straight, legs: Legs) -> Foot:  # 
         sole = Sole(back=float(low[0]), front=float(high[0]), right=float(low[1]), left=float(high[1]))
     cells = foot.cells
     if not cells:
-        x = [sole.front - _CELL_INSET * (sole.front - sole.back), sole.back + _CELL_INSET * (sole.front - sole.back)]
-        y = [sole.left - _CELL_INSET * (sole.left - sole.right), sole.right + _CELL_INSET * (sole.left - sole.right)]
+        x = [
+            sole.front - _CELL_INSET * (sole.front - sole.back),
+            sole.back + _CELL_INSET * (sole.front - sole.back),
+        ]
+        y = [
+            sole.left - _CELL_INSET * (sole.left - sole.right),
+            sole.right + _CELL_INSET * (sole.left - sole.right),
+        ]
         places = [(x[0], y[0]), (x[0], y[1]), (x[1], y[0]), (x[1], y[1])]
         cells = {f"{side}_cell_{corner}": place for corner, place in zip(CORNERS, places, strict=True)}
     return foot.model_copy(update={"sole": sole, "cells": cells})

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.biped.gait import Walk
+from circuitkit.biped.kinematics import legs_of
 from circuitkit.biped.robot import BipedBody
 
 Array = NDArray[np.float64]
@@ -63,7 +64,9 @@ class BodyDynamics:
             force, moment = forces[tick, base : base + 3], forces[tick, base + 3 : base + _BASE_DOFS]
             for part, foot in zip((share, 1.0 - share), self._robot.feet_id, strict=True):
                 if part > 0:
-                    mujoco.mj_jac(self._model, self._data, point, turn, positions[tick, place : place + 3], foot)
+                    mujoco.mj_jac(
+                        self._model, self._data, point, turn, positions[tick, place : place + 3], foot
+                    )
                     torques[tick] -= part * (force @ point + moment @ turn)[self._robot.dof_index]
         return torques
 
@@ -104,7 +107,7 @@ def generalised_positions(robot: BipedBody, walk: Walk) -> Array:
     if robot.leg_offset.any():
         angles += robot.leg_offset
     positions[:, robot.qpos_index[robot.leg_servo]] = angles
-    return robot.kinematics.corrected(positions, walk)
+    return legs_of(robot).corrected(positions, walk)
 
 
 def joint_targets(robot: BipedBody, walk: Walk) -> Array:

@@ -1,14 +1,14 @@
 """Where the legs of an MJCF put the feet, and the angles that put them where a walk wants them.
 
 Eqs. 3-10 of the paper are for legs whose hip axes meet in a point, with thigh and tibia in one plane. Legs of
-others have axes that stand apart or are tilted, and hips that turn about z between roll and knee. So the angles
-of the equations are a first guess, and Newton's method finds those of the legs as they are.
+others have axes that stand apart or are tilted, and hips that turn about z between roll and knee. So the
+angles of the equations are a first guess, and Newton's method finds those of the legs as they are.
 """
 
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import SimulationError
 from circuitkit.biped.gait import SIDES, Walk
-
-if TYPE_CHECKING:
-    from circuitkit.biped.robot import BipedBody
+from circuitkit.biped.robot import BipedBody
 
 Array = NDArray[np.float64]
 
@@ -27,6 +25,12 @@ _CLOSE_M, _CLOSE_RAD = 2e-3, 0.02
 _ROUNDS = 12
 _FREE = 1e-3  # weight of a direction that the leg has no joint for
 _BEYOND_RAD = 0.03  # so far past a joint's stop is still nothing
+
+
+@lru_cache(maxsize=8)
+def legs_of(robot: BipedBody) -> LegKinematics:
+    """The legs of a compiled biped; made once for each."""
+    return LegKinematics(robot)
 
 
 class LegKinematics:
@@ -129,7 +133,10 @@ class LegKinematics:
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             errors = [self._errors(side, wanted) * weights[side] for side in range(2)]
-            if max(float(np.abs(each * weight).max()) for each, weight in zip(errors, weights, strict=True)) < _EXACT / 10:
+            if (
+                max(float(np.abs(each * weight).max()) for each, weight in zip(errors, weights, strict=True))
+                < _EXACT / 10
+            ):
                 break
             for side, joints in enumerate(self._joints):
                 mujoco.mj_jacBody(model, data, point, turn, robot.feet_id[side])
@@ -147,7 +154,8 @@ class LegKinematics:
             if errors[:3].max() > _CLOSE_M or errors[3:].max() > _CLOSE_RAD:
                 message = (
                     f"the {name} foot cannot be where the walk wants it at {time_s:.2f} s: it misses by "
-                    f"{errors[:3].max() * 1e3:.1f} mm and {np.degrees(errors[3:].max()):.1f} deg; bend the knee more, "
+                    f"{errors[:3].max() * 1e3:.1f} mm and {np.degrees(errors[3:].max()):.1f} deg; bend the "
+                    "knee more, "
                     f"step shorter, or give the legs' joints in the robot file an offset"
                 )
                 raise SimulationError(message)
@@ -166,7 +174,8 @@ class LegKinematics:
                 message = (
                     f"the walk turns '{model.joint(joint).name}' from {np.degrees(angles.min()):.1f} to "
                     f"{np.degrees(angles.max()):.1f} deg; allowed by the MJCF: {np.degrees(low):.1f} to "
-                    f"{np.degrees(high):.1f} deg; another knee, a shorter step, or an offset in the robot file"
+                    f"{np.degrees(high):.1f} deg; another knee, a shorter step, or an offset in the robot "
+                    "file"
                 )
                 raise SimulationError(message)
 

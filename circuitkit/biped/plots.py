@@ -150,7 +150,9 @@ def _zmp_axes(axes: Axes, story: BipedSummary, window: tuple[float, float]) -> N
         gid="support",
     )
     before, after = _before_and_after(story, story.zmp_mm)
-    axes.plot(story.run.time_s, before, color=INK, linewidth=1.1, label="ZMP by force cells", gid="zmp_before")
+    axes.plot(
+        story.run.time_s, before, color=INK, linewidth=1.1, label="ZMP by force cells", gid="zmp_before"
+    )
     if story.run.pushes:
         label = "ZMP from the push on"
         axes.plot(story.run.time_s, after, color=PUSHED, linewidth=1.5, label=label, gid="zmp_after")
@@ -164,12 +166,13 @@ def _zmp_details(axes: Axes, story: BipedSummary) -> None:
     changed = np.any(np.diff(story.lines_mm, axis=0, prepend=story.lines_mm[:1]) != 0, axis=1)
     for side, label in enumerate(("threshold of the circuit", None)):
         axes.plot(
-            story.run.time_s, np.where(seen & ~changed, story.lines_mm[:, side], np.nan), drawstyle="steps-pre",
+            story.run.time_s, np.where(seen & ~changed, story.lines_mm[:, side], np.nan),
+            drawstyle="steps-pre",
             color=INK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1.5, label=label, gid=f"threshold_{side}",
         )  # fmt: skip
     axes.plot(
-        story.run.time_s, np.where(seen, story.pressure_mm, np.nan), color=EXCITATORY, linewidth=0.7, zorder=1.6,
-        label="centre of pressure", gid="pressure",
+        story.run.time_s, np.where(seen, story.pressure_mm, np.nan), color=EXCITATORY, linewidth=0.7,
+        zorder=1.6, label="centre of pressure", gid="pressure",
     )  # fmt: skip
 
 
@@ -261,7 +264,8 @@ def _mark_moments(axes: Axes, story: BipedSummary) -> None:
     for time, marker, label in moments:
         if time <= story.run.end_s:
             y, v = (
-                np.interp([time], story.run.time_s, curve) for curve in (story.com_mm, story.com_velocity_mm_s)
+                np.interp([time], story.run.time_s, curve)
+                for curve in (story.com_mm, story.com_velocity_mm_s)
             )
             axes.plot(
                 y, v, marker, color=PUSH_FILL, markeredgecolor=INK, markersize=6.5, linestyle="none",
@@ -341,8 +345,8 @@ def _tilt_axes(axes: Axes, stories: Sequence[BipedSummary], window: tuple[float,
     for number, story in enumerate(stories):
         dash, colour = DASHES[number % len(DASHES)], colours[number % len(colours)]
         axes.plot(
-            story.run.time_s, story.tilt_deg, linestyle=dash, color=colour, linewidth=1.4, label=story.run.title,
-            gid=f"tilt_{number}",
+            story.run.time_s, story.tilt_deg, linestyle=dash, color=colour, linewidth=1.4,
+            label=story.run.title, gid=f"tilt_{number}",
         )  # fmt: skip
     axes.axhline(_FALL_DEG, color=PUSHED, linewidth=0.9, linestyle=":")
     axes.annotate(

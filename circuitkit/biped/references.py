@@ -19,6 +19,7 @@ from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait
 from circuitkit.biped.gait.pattern import plan_stand
 from circuitkit.biped.gait.schedule import Schedule, plan_steps
 from circuitkit.biped.gait.spec import FOLDER, Lift, Window, ZmpReference
+from circuitkit.biped.kinematics import legs_of
 from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel
@@ -35,7 +36,7 @@ class GaitMoment(FileModel):
 
 
 class GaitReference(Reference):
-    """Walks by a gait file; brings `planned_com_*`, moments of steps, and the directions inward and outward."""
+    """Walks by a gait file; brings `planned_com_*`, moments of steps, and the ways inward and outward."""
 
     kind: ClassVar[str] = "gait"
     settings = str
@@ -69,9 +70,14 @@ class GaitReference(Reference):
         if len(found) == 0 or moment > len(found):
             whole = (ticks - np.count_nonzero(first_step.step < 0)) // gait.step_ticks
             steps = f"steps 0 to {whole - 1}, or " if whole > 0 else ""
-            message = f"found step {start.step}, and the walk ends before that '{start.phase}'; allowed: {steps}a longer duration"
+            message = (
+                f"found step {start.step}, and the walk ends before that '{start.phase}'; allowed: {steps}a "
+                "longer duration"
+            )
             raise InputError(Problem("", 0, 0, "start", message))
-        return Moment(float(found[0] + moment) * gait.control_step, _directions(int(schedule.support[found[0]])))
+        return Moment(
+            float(found[0] + moment) * gait.control_step, _directions(int(schedule.support[found[0]]))
+        )
 
     def at(self, time_s: float) -> Moment:
         """The moment at a time, and which way is inward then."""
@@ -92,10 +98,14 @@ class GaitReference(Reference):
             raise InputError(Problem("", 0, 0, "control_step", message))
         body = biped_of(robot)
         dynamics = BodyDynamics(body)
-        walk, found = plan_walk(
-            self.gait, body.block.legs.geometry(), ticks, dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
+        walk, targets = plan_walk(
+            self.gait,
+            body.block.legs.geometry(),
+            ticks,
+            dynamics.zmp,
+            lambda walk: _torques_and_targets(dynamics, body, walk),
         )
-        return _motion(robot, body, walk, found)
+        return _motion(robot, body, walk, targets)
 
 
 class StandSpec(FileModel):
@@ -141,7 +151,10 @@ class StandReference(Reference):
         )  # fmt: skip
         dynamics = BodyDynamics(body)
         walk, found = plan_stand(
-            gait, body.block.legs.geometry(), dynamics.zmp, lambda walk: _torques_and_targets(dynamics, body, walk)
+            gait,
+            body.block.legs.geometry(),
+            dynamics.zmp,
+            lambda walk: _torques_and_targets(dynamics, body, walk),
         )
         return _motion(robot, body, walk, found)
 
@@ -149,7 +162,7 @@ class StandReference(Reference):
 def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) -> Array:
     """Torque and angle of every servo along a walk, side by side; shape (T, 2 n)."""
     positions = generalised_positions(body, walk)
-    body.kinematics.check_stops(positions)
+    legs_of(body).check_stops(positions)
     return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
 
 
@@ -173,7 +186,9 @@ def known_body(robot: RobotModel, biped: BipedBody) -> Body:
     block, roles = biped.block, biped.block.roles
     soles = [getattr(block.feet, side).sole for side in SIDES]
     extent = [[[sole.back, sole.front], [sole.right, sole.left]] for sole in soles]
-    ankle = [role if (role := f"left_ankle_{name}") in roles else "left_ankle_pitch" for name in ("pitch", "roll")]
+    ankle = [
+        role if (role := f"left_ankle_{name}") in roles else "left_ankle_pitch" for name in ("pitch", "roll")
+    ]
     servo = biped.leg_servo[[roles.index(role) for role in ankle]]
     stiffness = biped.stiffness[servo]
     damping = -robot.model.actuator_biasprm[biped.servos[servo], 2] * biped.gear[servo] ** 2
@@ -187,7 +202,9 @@ def _moment(where: Mapping[str, Any]) -> GaitMoment:
     try:
         return validate_model(Document("", dict(where), {}), GaitMoment)
     except InputError as error:
-        problems = (Problem("", 0, 0, f"start.{p.where}".rstrip("."), p.message, p.hint) for p in error.problems)
+        problems = (
+            Problem("", 0, 0, f"start.{p.where}".rstrip("."), p.message, p.hint) for p in error.problems
+        )
         raise InputError(*problems) from error
 
 

@@ -15,7 +15,6 @@ from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.anatomy import ground_below, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
-from circuitkit.biped.kinematics import LegKinematics
 from circuitkit.biped.sensing import Array, SensorLayout, channels
 from circuitkit.biped.spec import BipedSpec
 from circuitkit.biped.view import BipedView
@@ -248,18 +247,13 @@ class BipedBody:
 
     @cached_property
     def sensor_roles(self) -> dict[str, range]:
-        """Sensors of several numbers, as columns of `sensordata`: noise in them is noise in all channels of them."""
+        """Sensors of several numbers, as columns of `sensordata`: noise in them is in all their channels."""
         places = {"com": self.layout.com, "com_velocity": self.layout.com_velocity}
         return {name: range(place.start, place.stop) for name, place in places.items()}
 
     @cached_property
-    def kinematics(self) -> LegKinematics:
-        """Where the MJCF's own legs put the feet."""
-        return LegKinematics(self)
-
-    @cached_property
     def origin_m(self) -> Array:
-        """Where in the world the middle between the feet is at first: on the ground, under the hips; shape (3,)."""
+        """Where in the world the middle between the feet is at first: on the ground, under the hips; (3,)."""
         x, y = self.start_qpos[self.base_qpos : self.base_qpos + 2]
         ground = ground_below(self.model, self.torso_id, self.start_qpos)
         return np.array([x + self.block.legs.hip_offset_x, y, ground])
@@ -321,7 +315,9 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
     names = [model.joint(j).name for j in joints]
     if missing := [role for role in block.roles if block.joint(role).joint not in names]:
         name = block.joint(missing[0]).joint
-        message = f"the joint '{name}' has no position servo; allowed: {listing(names)}; or give it one by servos"
+        message = (
+            f"the joint '{name}' has no position servo; allowed: {listing(names)}; or give it one by servos"
+        )
         raise InputError(robot.robot.problem(("biped", "joints", missing[0]), message))
     torso = int(model.body(block.torso).id)
     base = int(model.body_jntadr[torso])

@@ -1,4 +1,4 @@
-"""What a biped's sensors say: places in `sensordata`, channels of force cells and CoM, the centre of pressure."""
+"""What a biped's sensors say: places in `sensordata`, channels of force cells and CoM, centre of pressure."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _LEAST_LOAD_N = 1.0  # below this a foot counts as unloaded, and its ZMP as in t
 
 @dataclass(frozen=True)
 class SensorLayout:
-    """Order of a biped's part of `sensordata`: cells, wrench of each foot (force, torque, point), CoM, CoM velocity,
-    gyro, accelerometer, up axis and position of the torso, position of each foot, angles of the legs' joints.
+    """Order of a biped's part of `sensordata`: cells, wrench of each foot (force, torque, point), CoM and its
+    velocity, gyro, accelerometer, up axis and position of the torso, each foot's position, the legs' angles.
 
     Attributes:
         cells: Names of the eight force cells, left foot first.
@@ -113,64 +113,99 @@ def channels(
             angle where ours is 0, [rad].
         cell_range: What a cell can show, [N].
     """
-    width, force = layout.total, layout.forces
-    side = np.repeat([1.0, -1.0], _CELLS_PER_FOOT)
-    total, none = np.zeros(width), np.zeros(width)
-    total[force] = 1.0
-
-    def cells(weights: Array) -> Array:
-        row = np.zeros(width)
-        row[force] = weights
-        return row
-
-    def one(place: slice, axis: int, weight: float = 1.0) -> Array:
-        row = np.zeros(width)
-        row[place.start + axis] = weight
-        return row
-
-    found: dict[str, Channel] = {}
-
-    def add(name: str, unit: str, above: Array, below: Array, description: str) -> None:
-        value = Quotient(above, below, _LEAST_LOAD_N)
-        found[name] = Channel(name, parse_unit(unit), value, description)
-
-    zmp_y = cells(cells_xy_m[:, 1] + side * hip_offset_y_m)
-    add("zmp_x", "m", cells(cells_xy_m[:, 0]), total, "ZMP by the force cells, forward of the ankles")
-    add("zmp_y", "m", zmp_y, total, "ZMP by the force cells, left of the middle between the feet")
-    add("force_difference", "1", cells(side), total, "(left - right) / (left + right) of the cells")
-    add("load", "N", total, none, "sum of all force cells")
-    for axis, letter in enumerate("xyz"):
-        add(f"gyro_{letter}", "rad/s", one(layout.gyro, axis), none, "rate of the torso")
-        add(f"acceleration_{letter}", "m/s^2", one(layout.accelerometer, axis), none, "IMU")
-        add(f"com_velocity_{letter}", "m/s", one(layout.com_velocity, axis), none, "of the CoM")
-    for axis, letter in enumerate("xy"):
-        add(f"tilt_{letter}", "1", one(layout.torso_up, axis), none, "torso's lean: component of its up axis")
-    add("upright", "1", one(layout.torso_up, 2), none, "vertical component of the torso's up axis")
-    left, right = layout.foot(0), layout.foot(1)
-    for axis, (letter, way) in enumerate({"x": "forward of", "y": "left of", "z": "above"}.items()):
-        com, apart = one(layout.com, axis), one(left, axis) - one(right, axis)
-        if letter != "z":
-            com -= (one(left, axis) + one(right, axis)) / 2
-        origin = "floor" if letter == "z" else "middle between the ankles, where they are"
-        add(f"com_{letter}", "m", com, none, f"CoM {way} the {origin}")
-        add(f"feet_{letter}", "m", apart, none, f"left ankle {way} the right one")
+    found = _Channels(layout)
+    _add_sums(found, cells_xy_m, hip_offset_y_m)
+    _add_body(found)
+    _add_places(found)
     for number, (joint, (sign, offset)) in enumerate(zip(layout.legs, zeros, strict=True)):
         description = f"angle of the {joint.replace('_', ' ')}"
         if offset == 0:
-            add(joint, "rad", one(layout.leg_joints, number, sign), none, description)
+            found.add(joint, "rad", found.one(layout.leg_joints, number, sign), description)
         else:
             angle = _from_zero(joint, layout.leg_joints.start + number, sign, offset)
-            found[joint] = Channel(joint, parse_unit("rad"), angle, description)
+            found.channels[joint] = Channel(joint, parse_unit("rad"), angle, description)
     for number, foot in enumerate(("left", "right")):
-        add(f"load_{foot}", "N", one(layout.wrench(number), 2), none, f"weight on the {foot} foot, by its contacts")
+        load = found.one(layout.wrench(number), 2)
+        found.add(f"load_{foot}", "N", load, f"weight on the {foot} foot, by its contacts")
     for number, name in enumerate(layout.cells):
-        bare = Quotient(one(layout.forces, number), none)
-        found[name] = Channel(name, parse_unit("N"), bare, "force cell", cell_range)
-    return found
+        bare = Quotient(found.one(layout.forces, number), np.zeros(layout.total))
+        found.channels[name] = Channel(name, parse_unit("N"), bare, "force cell", cell_range)
+    return found.channels
+
+
+class _Channels:
+    """Collects channels that are quotients of sums of sensor readings.
+
+    Attributes:
+        layout: Where the sensors stand.
+        channels: What there is so far.
+    """
+
+    def __init__(self, layout: SensorLayout) -> None:
+        self.layout = layout
+        self.channels: dict[str, Channel] = {}
+
+    def row(self, place: slice | int, weights: Array | float) -> Array:
+        """Weights of all readings: these at a place, none elsewhere."""
+        row = np.zeros(self.layout.total)
+        row[place] = weights
+        return row
+
+    def one(self, place: slice, axis: int, weight: float = 1.0) -> Array:
+        """Weights of all readings: one of a vector, none elsewhere."""
+        return self.row(place.start + axis, weight)
+
+    def add(self, name: str, unit: str, above: Array, description: str, below: Array | None = None) -> None:
+        """Add a channel: a sum, or the quotient of two."""
+        least = np.zeros(self.layout.total) if below is None else below
+        self.channels[name] = Channel(
+            name, parse_unit(unit), Quotient(above, least, _LEAST_LOAD_N), description
+        )
+
+
+def _add_sums(found: _Channels, cells_xy_m: Array, hip_offset_y_m: float) -> None:
+    """What the force cells say together."""
+    force = found.layout.forces
+    side = np.repeat([1.0, -1.0], _CELLS_PER_FOOT)
+    total = found.row(force, 1.0)
+    across = found.row(force, cells_xy_m[:, 1] + side * hip_offset_y_m)
+    forward = found.row(force, cells_xy_m[:, 0])
+    found.add("zmp_x", "m", forward, "ZMP by the force cells, forward of the ankles", total)
+    found.add("zmp_y", "m", across, "ZMP by the force cells, left of the middle between the feet", total)
+    found.add(
+        "force_difference", "1", found.row(force, side), "(left - right) / (left + right) of the cells", total
+    )
+    found.add("load", "N", total, "sum of all force cells")
+
+
+def _add_body(found: _Channels) -> None:
+    """What the torso's sensors say."""
+    layout = found.layout
+    for axis, letter in enumerate("xyz"):
+        found.add(f"gyro_{letter}", "rad/s", found.one(layout.gyro, axis), "rate of the torso")
+        found.add(f"acceleration_{letter}", "m/s^2", found.one(layout.accelerometer, axis), "IMU")
+        found.add(f"com_velocity_{letter}", "m/s", found.one(layout.com_velocity, axis), "of the CoM")
+    for axis, letter in enumerate("xy"):
+        lean = found.one(layout.torso_up, axis)
+        found.add(f"tilt_{letter}", "1", lean, "torso's lean: component of its up axis")
+    found.add("upright", "1", found.one(layout.torso_up, 2), "vertical component of the torso's up axis")
+
+
+def _add_places(found: _Channels) -> None:
+    """Where the centre of mass and the feet are."""
+    layout = found.layout
+    left, right = layout.foot(0), layout.foot(1)
+    for axis, (letter, way) in enumerate({"x": "forward of", "y": "left of", "z": "above"}.items()):
+        com, apart = found.one(layout.com, axis), found.one(left, axis) - found.one(right, axis)
+        if letter != "z":
+            com -= (found.one(left, axis) + found.one(right, axis)) / 2
+        origin = "floor" if letter == "z" else "middle between the ankles, where they are"
+        found.add(f"com_{letter}", "m", com, f"CoM {way} the {origin}")
+        found.add(f"feet_{letter}", "m", apart, f"left ankle {way} the right one")
 
 
 def _from_zero(joint: str, column: int, sign: float, offset: float) -> Formula:
-    """sign (angle - offset)."""
+    """Sign (angle - offset)."""
     difference = Binary("-", Name(joint), Number(offset))
     return Formula(difference if sign > 0 else Unary("-", difference), {joint: column})
 

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import Metres, Newtons, Radians
-from circuitkit.biped.gait import LEG_JOINTS, SIDES, LegGeometry
+from circuitkit.biped.gait import LEG_JOINTS, LegGeometry
 from circuitkit.robots.spec import BlockSpec
 
 _OPTIONAL = frozenset({"left_ankle_roll", "right_ankle_roll"})
@@ -48,7 +48,8 @@ class Foot(FileModel):
         default=None, description="Extent of the sole, for the support polygon; measured if not given."
     )
     cells: Mapping[str, Pair] = Field(
-        default={}, description="Four force cells: forward and left of the ankle; near the sole's corners if not given."
+        default={},
+        description="Four force cells: forward and left of the ankle; near the sole's corners if not given.",
     )
 
     @model_validator(mode="after")
@@ -57,6 +58,14 @@ class Foot(FileModel):
             message = f"cells: found {len(self.cells)}; allowed: {len(CORNERS)}, or none"
             raise ValueError(message)
         return self
+
+    @property
+    def extent(self) -> Sole:
+        """The sole of a compiled robot, where it is known in any case."""
+        if self.sole is None:
+            message = f"the sole of '{self.body}' is measured when the robot is compiled"
+            raise ValueError(message)
+        return self.sole
 
 
 class Feet(FileModel):
@@ -108,9 +117,13 @@ class LegJoint(FileModel):
 
     joint: str = Field(description="Name in the MJCF.")
     sign: int | None = Field(
-        default=None, description="-1 if it turns the other way: pitch about -y, roll about -x; read off its axis if not given."
+        default=None,
+        description="-1 if it turns the other way: pitch about -y, roll about -x; read off its axis if not "
+        "given.",
     )
-    offset: Radians = Field(default=0.0, description="Its angle in the MJCF when the leg is straight and the foot level.")
+    offset: Radians = Field(
+        default=0.0, description="Its angle in the MJCF when the leg is straight and the foot level."
+    )
 
     @model_validator(mode="after")
     def _is_a_sign(self) -> LegJoint:
@@ -128,12 +141,15 @@ class BipedSpec(BlockSpec):
         default=None, description="Site of the inertial measurement unit; the torso's origin if not given."
     )
     feet: Feet = Field(description="For left and right: body, sole, cells.")
-    legs: Legs = Field(default=Legs(), description="Lengths of the legs; what is not given is measured in the MJCF.")
+    legs: Legs = Field(
+        default=Legs(), description="Lengths of the legs; what is not given is measured in the MJCF."
+    )
     joints: Mapping[str, str | LegJoint] = Field(
         description="The MJCF's joint by role; {joint: NAME, sign: -1} where it turns the other way."
     )
     force_cells: ForceCells = Field(
-        default=ForceCells(range=(0.0, 1e6)), description="The range of the force cells, to which readings are clipped."
+        default=ForceCells(range=(0.0, 1e6)),
+        description="The range of the force cells, to which readings are clipped.",
     )
 
     @model_validator(mode="after")
@@ -144,7 +160,9 @@ class BipedSpec(BlockSpec):
             raise ValueError(message)
         if unknown := [name for name in self.joints if name not in LEG_JOINTS]:
             hint = suggest(unknown[0], LEG_JOINTS)
-            message = f"joints: unknown '{unknown[0]}'; allowed: {listing(LEG_JOINTS)}{'; ' if hint else ''}{hint}"
+            message = (
+                f"joints: unknown '{unknown[0]}'; allowed: {listing(LEG_JOINTS)}{'; ' if hint else ''}{hint}"
+            )
             raise ValueError(message)
         return self
 
@@ -159,6 +177,6 @@ class BipedSpec(BlockSpec):
         return LegJoint(joint=found) if isinstance(found, str) else found
 
     def cells(self, side: str) -> Mapping[str, tuple[float, float]]:
-        """The force cells of a foot; names of our own where the file gives none, in places that are still to be measured."""
+        """The force cells of a foot; where the file gives none, our own names in places to be measured."""
         given = getattr(self.feet, side).cells
         return given or {f"{side}_cell_{corner}": (0.0, 0.0) for corner in CORNERS}

@@ -36,11 +36,14 @@ class Thresholds(MeasureKind):
     kind: ClassVar[str] = "thresholds"
 
     channel: str = Field(description="The circuit's input that they compare.")
-    left_foot: Edges = Field(description="Neurons at the `right` and `left` edge while the left foot carries.")
+    left_foot: Edges = Field(
+        description="Neurons at the `right` and `left` edge while the left foot carries."
+    )
     right_foot: Edges = Field(description="The same for the right foot.")
     both_feet: Edges = Field(description="The same for both feet.")
     circuit: str | None = Field(
-        default=None, description="The circuit whose neurons they are, if neither the one in use nor the scenario's."
+        default=None,
+        description="The circuit whose neurons they are, if neither the one in use nor the scenario's.",
     )
 
     def bind(self, plan: Plan) -> ThresholdMeasure:
@@ -53,7 +56,9 @@ class Thresholds(MeasureKind):
         if self.circuit is not None:
             graphs = (load_circuit(plan.scenario.file(self.circuit)),)
         if not graphs:
-            message = "the scenario has no circuit; allowed: circuit: NAME here, whose neurons stand at the edges"
+            message = (
+                "the scenario has no circuit; allowed: circuit: NAME here, whose neurons stand at the edges"
+            )
             raise InputError(Problem("", 0, 0, "measures.thresholds", message))
         if self.channel not in plan.robot.channels:
             channels = plan.robot.channels
@@ -109,7 +114,7 @@ class ThresholdMeasure(BoundMeasure):
         lines_m: Shape (3, 2): left foot, right foot, both; right edge, left edge.
     """
 
-    units: ClassVar[Mapping[str, Unit]] = {EXCURSION: parse_unit("m"), RECOVERY: parse_unit("s")}
+    units: Mapping[str, Unit] = {EXCURSION: parse_unit("m"), RECOVERY: parse_unit("s")}
 
     def __init__(self, channel: str, lines_m: Array) -> None:
         """Name the channel and its lines."""
@@ -123,7 +128,7 @@ class ThresholdMeasure(BoundMeasure):
         The excursion is 0 if it never was outside. Recovery is from the first time outside to being back
         inside for at least a whole step; None if it never was outside, or never came back.
         """
-        low, high = self.bounds(self.channel, track.values)
+        low, high = self._lines(track.values)
         zmp, dt = track.values(self.channel), track.step_s
         begin = 0 if np.isnan(track.push_s) else round(track.push_s / dt)
         inside = slice(begin, track.before_end)
@@ -140,8 +145,9 @@ class ThresholdMeasure(BoundMeasure):
 
     def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:
         """The lines of who carries, tick by tick; shape (T,) each."""
-        if channel != self.channel:
-            return None
+        return self._lines(values) if channel == self.channel else None
+
+    def _lines(self, values: Callable[[str], Array]) -> tuple[Array, Array]:
         lines = self.lines_m[self.support(values)]
         return lines[..., 0], lines[..., 1]
 

@@ -194,10 +194,17 @@ def _mismatches(
             continue
         if name not in channels:
             message = f"the robot has no {word} '{name}'; allowed: {listing(channels)}"
-            more = "" if node.name in joined else f"connect: {{{kind}s: {{{name}: NAME}}}} in the scenario joins another name"
+            more = (
+                ""
+                if node.name in joined
+                else f"connect: {{{kind}s: {{{name}: NAME}}}} in the scenario joins another name"
+            )
             yield Problem(*place, where, message, suggest(name, channels) or more)
         elif node.unit.dimension != channels[name].dimension:
-            message = f"found the unit '{node.unit}'; allowed: the robot's {word} '{name}' has '{channels[name]}', or like it"
+            message = (
+                f"found the unit '{node.unit}'; allowed: the robot's {word} '{name}' has '{channels[name]}', "
+                "or like it"
+            )
             yield Problem(*place, where, message)
 
 

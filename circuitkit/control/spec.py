@@ -54,7 +54,7 @@ class ControllerSpec(FileModel):
         return {}
 
 
-KINDS: Registry[ControllerSpec] = Registry("controllers", ControllerSpec, "circuitkit.control")
+KINDS: Registry[ControllerSpec] = Registry("controllers", ControllerSpec, "circuitkit.control")  # type: ignore[type-abstract]  # as the base of classes
 
 
 class _Kind(FileModel):

@@ -95,7 +95,8 @@ def pick(channels: Mapping[str, Channel], names: Iterable[str]) -> list[Channel]
     chosen = []
     for name in names:
         if name not in channels:
-            raise UnknownNameError("channel", name, channels)
+            kind = "channel"
+            raise UnknownNameError(kind, name, channels)
         chosen.append(channels[name])
     return chosen
 
@@ -115,7 +116,9 @@ class Observer:
         chosen = pick(channels, names)
         self.names = tuple(names)
         self._count = len(chosen)
-        self._quotients = _Quotients([(i, c.value) for i, c in enumerate(chosen) if isinstance(c.value, Quotient)])
+        self._quotients = _Quotients(
+            [(i, c.value) for i, c in enumerate(chosen) if isinstance(c.value, Quotient)]
+        )
         self._formulas = [(i, c.value) for i, c in enumerate(chosen) if isinstance(c.value, Formula)]
 
     def __call__(self, readings: Array) -> Array:
@@ -154,7 +157,9 @@ class Observer:
 
         return observe
 
-    def _operations(self, readings: Array, values: Array) -> tuple[list[Operation], list[tuple[Array, Array]]]:
+    def _operations(
+        self, readings: Array, values: Array
+    ) -> tuple[list[Operation], list[tuple[Array, Array]]]:
         """What writes the formulas into the columns of `values`: operations, and plain copies of columns."""
         operations: list[Operation] = []
         copies: list[tuple[Array, Array]] = []

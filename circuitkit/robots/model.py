@@ -29,7 +29,8 @@ from circuitkit.robots.servos import add_servos
 from circuitkit.robots.spec import ChannelSpec, Robot
 
 _HINGE, _SLIDE, _FREE = (
-    int(kind) for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
+    int(kind)
+    for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
 )
 
 
@@ -149,7 +150,9 @@ class RobotModel:
         Raises:
             UnknownNameError: There is none; lists those there are.
         """
-        found = [int(getattr(self.model, kind)(name).id) for name in self.names(kind) if fnmatchcase(name, pattern)]
+        found = [
+            int(getattr(self.model, kind)(name).id) for name in self.names(kind) if fnmatchcase(name, pattern)
+        ]
         return found or [self.number(kind, pattern)]
 
 
@@ -212,7 +215,7 @@ def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepa
     for kind, block in robot.given_blocks.items():
         try:
             found[kind] = block.prepare(mj, robot)
-        except InputError as error:  # noqa: PERF203 - all that is wrong is said at once
+        except InputError as error:  # all that is wrong is said at once
             problems += error.problems
     return found
 
@@ -220,13 +223,15 @@ def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepa
 def _read(robot: Robot) -> Any:  # noqa: ANN401 - MjSpec is not typed
     path = robot.mjcf_path
     if not path.is_file():
-        message = f"no such file '{path}'; allowed: the path of an MJCF file, from the folder of the robot file"
+        message = (
+            f"no such file '{path}'; allowed: the path of an MJCF file, from the folder of the robot file"
+        )
         raise InputError(robot.problem(("mjcf",), message))
     return read_mjcf(path)
 
 
 def _base(model: mujoco.MjModel) -> int | None:
-    """The free joint that carries most: more moving parts than a loose object has, or the heavier of equals."""
+    """The free joint that carries most: more moving parts than a loose object, or the heavier of equals."""
     moving = np.bincount(model.body_rootid[model.dof_bodyid], minlength=model.nbody)
 
     def load(joint: int) -> tuple[int, float]:
@@ -321,7 +326,9 @@ def _start(
         else:
             message = f"the MJCF has no keyframe '{robot.key}'; allowed: {listing(keys)}"
             problems.append(robot.problem(("key",), message, suggest(robot.key, keys)))
-    held = hold_joints(model, robot.hold, qpos, ctrl, lambda name, *m: problems.append(robot.problem(("hold", name), *m)))
+    held = hold_joints(
+        model, robot.hold, qpos, ctrl, lambda name, *m: problems.append(robot.problem(("hold", name), *m))
+    )
     held |= {int(model.joint(name).id) for name in servos}
     _aim(model, held, qpos, ctrl)
     return qpos, ctrl
@@ -369,7 +376,11 @@ def hold_joints(
     numbers = set()
     for name, text in hold.items():
         if name not in names:
-            complain(name, f"the MJCF has no hinge or slide '{name}'; allowed: {listing(names)}", suggest(name, names))
+            complain(
+                name,
+                f"the MJCF has no hinge or slide '{name}'; allowed: {listing(names)}",
+                suggest(name, names),
+            )
             continue
         joint = int(model.joint(name).id)
         unit = parse_unit("rad" if model.jnt_type[joint] == _HINGE else "m")
@@ -397,7 +408,7 @@ def servo_numbers(robot: RobotModel, joints: Sequence[str]) -> NDArray[np.int64]
         UnknownNameError: A joint has none; lists those that have.
     """
     model = robot.model
-    of_joint = {}
+    of_joint: dict[str, int] = {}
     for i in range(model.nu):
         if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT and drives_position(model, i):
             of_joint.setdefault(model.joint(int(model.actuator_trnid[i, 0])).name, i)

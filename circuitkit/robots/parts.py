@@ -1,7 +1,7 @@
 """What expressions may name of an MJCF: sensors, joints, bodies, actuators, contacts.
 
-Each reference, such as `position(torso, x)`, becomes numbers of MuJoCo's `sensordata`: of a sensor that the MJCF
-has, or of one that is added to the compiled model. Adding a sensor changes no bit of the motion.
+Each reference, such as `position(torso, x)`, becomes numbers of MuJoCo's `sensordata`: of a sensor that the
+MJCF has, or of one that is added to the compiled model. Adding a sensor changes no bit of the motion.
 """
 
 from __future__ import annotations
@@ -23,11 +23,14 @@ _OBJECT, _SENSOR = mujoco.mjtObj, mujoco.mjtSensor
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts, in the world's frame
 # What a sensor's numbers are; one that is not here, such as a user's or a plug-in's, fits any unit.
 _UNIT_OF_TYPE = {
-    "touch": "N", "accelerometer": "m/s^2", "velocimeter": "m/s", "gyro": "rad/s", "force": "N", "torque": "N*m",
+    "touch": "N", "accelerometer": "m/s^2", "velocimeter": "m/s", "gyro": "rad/s", "force": "N",
+    "torque": "N*m",
     "rangefinder": "m", "ballquat": "1", "ballangvel": "rad/s", "framepos": "m", "framequat": "1",
     "framexaxis": "1", "frameyaxis": "1", "framezaxis": "1", "framelinvel": "m/s", "frameangvel": "rad/s",
-    "framelinacc": "m/s^2", "frameangacc": "rad/s^2", "subtreecom": "m", "subtreelinvel": "m/s", "insidesite": "1",
-    "geomdist": "m", "geomnormal": "1", "geomfromto": "m", "e_potential": "N*m", "e_kinetic": "N*m", "clock": "s",
+    "framelinacc": "m/s^2", "frameangacc": "rad/s^2", "subtreecom": "m", "subtreelinvel": "m/s",
+    "insidesite": "1",
+    "geomdist": "m", "geomnormal": "1", "geomfromto": "m", "e_potential": "N*m", "e_kinetic": "N*m",
+    "clock": "s",
     "subtreeangmom": "N*m*s",
 }  # fmt: skip
 _OF_HINGE_AND_SLIDE = {
@@ -37,10 +40,12 @@ _OF_HINGE_AND_SLIDE = {
 _WIDTHS = {"quat": 4, "fromto": 6, "camprojection": 2}
 # How many numbers these have depends on their settings; the compiler knows.
 _OPEN_WIDTH = frozenset({"contact", "user", "plugin", "tactile", "rangefinder"})
-_THREE = (
-    "accelerometer velocimeter gyro force torque magnetometer ballangvel framepos framexaxis frameyaxis framezaxis "
-    "framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel subtreeangmom geomnormal"
-).split()
+_THREE = frozenset({
+    "accelerometer", "velocimeter", "gyro", "force", "torque", "magnetometer",
+    "ballangvel", "framepos", "framexaxis", "frameyaxis", "framezaxis", "framelinvel",
+    "frameangvel", "framelinacc", "frameangacc", "subtreecom", "subtreelinvel", "subtreeangmom",
+    "geomnormal",
+})  # fmt: skip
 
 
 class Meaning(NamedTuple):
@@ -83,12 +88,12 @@ def _dimension(unit: str) -> OpenDimension:
 
 
 def _word(kind: mujoco.mjtSensor) -> str:
-    return kind.name.removeprefix("mjSENS_").lower()
+    return str(kind.name).removeprefix("mjSENS_").lower()
 
 
 @dataclass(frozen=True)
 class StandIn(Name):
-    """A name that stands for a part of an expression while its units are checked; it is shown as that part."""
+    """A name that stands for a part of an expression while units are checked; it is shown as that part."""
 
     def __str__(self) -> str:
         return self.name
@@ -127,7 +132,9 @@ class Sensors:
         try:
             model = self._mj.copy().compile()
         except ValueError:
-            return dict.fromkeys(self.own, 1)  # what is wrong with the model is said when it is compiled itself
+            return dict.fromkeys(
+                self.own, 1
+            )  # what is wrong with the model is said when it is compiled itself
         return {name: int(model.sensor(name).dim[0]) for name in self.own}
 
     def named(self, kind: str) -> dict[str, Any]:
@@ -178,7 +185,9 @@ def no_such(kind: str, name: str, have: Iterable[str]) -> ExpressionError:
     return ExpressionError(f"{message}; {hint}" if hint else message)
 
 
-def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDimension]) -> tuple[Expression, Expression]:
+def bind(
+    expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDimension]
+) -> tuple[Expression, Expression]:
     """Replace the references of an expression.
 
     Args:
@@ -194,7 +203,11 @@ def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDim
     """
     match expression:
         case Call(function=function, arguments=arguments) if function in _REFERENCES:
-            words = [each.name if isinstance(each, Name) else f"{each.value:g}" for each in arguments if isinstance(each, Name | Number)]
+            words = [
+                each.name if isinstance(each, Name) else f"{each.value:g}"
+                for each in arguments
+                if isinstance(each, Name | Number)
+            ]
             try:
                 meaning = _REFERENCES[function].meaning(sensors, words)
             except ExpressionError as error:
@@ -219,7 +232,9 @@ def bind(expression: Expression, sensors: Sensors, dimensions: dict[str, OpenDim
     return expression, expression
 
 
-def _reference(usage: str, least: int, most: int | None = None) -> Callable[[Callable[[Sensors, Arguments], Meaning]], None]:
+def _reference(
+    usage: str, least: int, most: int | None = None
+) -> Callable[[Callable[[Sensors, Arguments], Meaning]], None]:
     """Register a reference by how it is written."""
 
     def register(meaning: Callable[[Sensors, Arguments], Meaning]) -> None:
@@ -238,7 +253,70 @@ def _axis(word: str) -> int:
 def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as above
     """Position, rate or force of a hinge or a slide."""
     if joint.type not in {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}:
-        message = f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge or a slide"
+        message = (
+            f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge "
+            "or "
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            "a slide"
+        )
         raise ExpressionError(message)
     return _dimension(_OF_HINGE_AND_SLIDE[sensor][0 if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1])
 
@@ -263,7 +341,8 @@ def unit_of_sensor(kind: int, object_type: int, object_id: int, model: mujoco.Mj
 def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
     name = arguments[0]
     if name not in sensors.own:
-        raise no_such("sensor", name, (each for each in sensors.own if each))
+        kind = "sensor"
+        raise no_such(kind, name, (each for each in sensors.own if each))
     sensor, component = sensors.own[name], 0
     word, width = _word(sensor.type), sensors.width(name)
     if len(arguments) > 1:
@@ -275,7 +354,10 @@ def _sensor(sensors: Sensors, arguments: Arguments) -> Meaning:
             message = f"found the component '{part}' of the sensor '{name}'; allowed: {letters}{numbers}"
             raise ExpressionError(message)
     elif width > 1:
-        message = f"the sensor '{name}' has {width} numbers; allowed: one of them, such as sensor({name}, {'x' if width == len(AXES) else 0})"
+        first = "x" if width == len(AXES) else 0
+        message = (
+            f"the sensor '{name}' has {width} numbers; allowed: one of them, such as sensor({name}, {first})"
+        )
         raise ExpressionError(message)
     if word in _OF_HINGE_AND_SLIDE:
         return Meaning(column(name), _of_joint(sensors.part(["joint"], sensor.objname)[1], word))
@@ -343,7 +425,7 @@ _vector("up(PART, axis)", _SENSOR.mjSENS_FRAMEZAXIS, "1")
 
 @_reference("acceleration(PART, axis)", 2)
 def _acceleration(sensors: Sensors, arguments: Arguments) -> Meaning:
-    """MuJoCo's sensor is what an accelerometer feels, which is 9.81 m/s^2 upward at rest; so is the world's."""
+    """MuJoCo's sensor is what an accelerometer feels: 9.81 m/s^2 upward at rest; so is the world's."""
     axis = _axis(arguments[1])
     felt = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, arguments[0])[axis]
     still = _frame(sensors, _SENSOR.mjSENS_FRAMELINACC, "world")[axis]
@@ -414,4 +496,17 @@ def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
 
 
 ARITIES = {name: reference.arity for name, reference in _REFERENCES.items()}
-__all__ = ["ARITIES", "AXES", "REFERENCES", "NO_DIMENSION", "Meaning", "Reference", "Sensors", "StandIn", "bind", "column", "column_index", "no_such"]
+__all__ = [
+    "ARITIES",
+    "AXES",
+    "NO_DIMENSION",
+    "REFERENCES",
+    "Meaning",
+    "Reference",
+    "Sensors",
+    "StandIn",
+    "bind",
+    "column",
+    "column_index",
+    "no_such",
+]

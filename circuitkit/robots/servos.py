@@ -62,8 +62,13 @@ def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:
     for i, servo in enumerate(wanted):
         for pattern in servo.joints:
             if not any(fnmatchcase(name, pattern) for name in names):
-                where = ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
-                message = f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern with *"
+                where = (
+                    ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
+                )
+                message = (
+                    f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern "
+                    "with *"
+                )
                 problems.append(robot.problem((*where, "joints"), message, suggest(pattern, names)))
     return chosen
 
@@ -84,7 +89,10 @@ def _add_servo(mj: Any, name: str, joint: str, servo: Servo) -> None:  # noqa: A
 
 
 def _keep_controls(
-    mj: Any, robot: Robot, kept: list[str], servos: int  # noqa: ANN401 - as above
+    mj: Any,  # noqa: ANN401 - as above
+    robot: Robot,
+    kept: list[str],
+    servos: int,
 ) -> None:
     """Leave in each keyframe what is for the actuators that stay; servos hold the keyframe's positions."""
     if not any(len(key.ctrl) or len(key.act) for key in mj.keys):
@@ -94,4 +102,6 @@ def _keep_controls(
     spans = [(int(model.actuator_actadr[i]), int(model.actuator_actnum[i])) for i in numbers]
     for number, key in enumerate(mj.keys):
         key.ctrl = [*model.key_ctrl[number][numbers], *[0.0] * servos]
-        key.act = [value for start, count in spans for value in model.key_act[number][start : start + max(count, 0)]]
+        key.act = [
+            value for start, count in spans for value in model.key_act[number][start : start + max(count, 0)]
+        ]

@@ -56,7 +56,11 @@ def _quantity(value: object) -> object:
     return str(value)
 
 
-UnitText = Annotated[str, BeforeValidator(lambda value: "1" if value == 1 and value is not True else value), AfterValidator(_unit)]
+UnitText = Annotated[
+    str,
+    BeforeValidator(lambda value: "1" if value == 1 and value is not True else value),
+    AfterValidator(_unit),
+]
 AnyQuantity = Annotated[str, BeforeValidator(_quantity)]
 
 
@@ -78,7 +82,9 @@ class _WithUnit(FileModel):
         texts = getattr(self, name)
         for text in texts:
             if (found := parse_quantity(text)).dimension != parse_unit(self.unit).dimension:
-                message = f"{name}: found '{text}', which is {found.dimension}; allowed: a quantity in {self.unit}"
+                message = (
+                    f"{name}: found '{text}', which is {found.dimension}; allowed: a quantity in {self.unit}"
+                )
                 raise ValueError(message)
         if not ends[0] < ends[1]:
             message = f"{name}: found {texts[0]} and {texts[1]}; allowed: the lower end first"
@@ -90,7 +96,9 @@ class ChannelSpec(_WithUnit):
 
     model_config = ConfigDict(populate_by_name=True)
 
-    expression: str = Field(alias="is", description="Expression over the MJCF's parts, such as sensor(eye_left).")
+    expression: str = Field(
+        alias="is", description="Expression over the MJCF's parts, such as sensor(eye_left)."
+    )
     range: tuple[AnyQuantity, AnyQuantity] | None = Field(
         default=None, description="What the sensor can show; readings are clipped to it."
     )
@@ -120,7 +128,9 @@ class CommandSpec(_WithUnit):
 class Servo(FileModel):
     """A position servo: torque = stiffness (target - angle) - damping * velocity, within +- torque."""
 
-    joints: tuple[str, ...] = Field(min_length=1, description="Names of joints, or beginnings or ends with a *.")
+    joints: tuple[str, ...] = Field(
+        min_length=1, description="Names of joints, or beginnings or ends with a *."
+    )
     stiffness: Stiffness = Field(gt=0)
     damping: Damping = Field(ge=0)
     torque: NewtonMetres = Field(gt=0, description="Largest torque.")
@@ -170,7 +180,8 @@ class Robot(FileModel):
         default={}, description="Angle or position of joints, at the start and as target of their servos."
     )
     servos: tuple[Servo, ...] | Mapping[str, tuple[Servo, ...]] = Field(
-        default=(), description="Position servos in the place of the MJCF's actuators; or sets of them by name."
+        default=(),
+        description="Position servos in the place of the MJCF's actuators; or sets of them by name.",
     )
     servo_profile: str | None = Field(default=None, description="The set of servos in use.")
     channels: Mapping[str, ChannelSpec] = Field(default={}, description="What can be read.")
@@ -212,7 +223,9 @@ class Robot(FileModel):
         return self.model_copy(update={"servo_profile": profile})
 
     def _unknown_profile(self, name: str) -> UnknownNameError:
-        return UnknownNameError("servo profile", name, self.servos if isinstance(self.servos, Mapping) else ())
+        return UnknownNameError(
+            "servo profile", name, self.servos if isinstance(self.servos, Mapping) else ()
+        )
 
     @property
     def folder(self) -> Path:

@@ -25,7 +25,7 @@ _HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLI
 
 
 def write_robot_starter(mjcf: Path, path: Path, *, force: bool = False) -> Path:
-    """Write a robot file for an MJCF: all its sensors as channels, its actuators as commands, the rest as comments.
+    """Write a robot file for an MJCF: sensors as channels, actuators as commands, the rest as comments.
 
     Args:
         mjcf: The model file; nothing in it is changed.
@@ -40,7 +40,9 @@ def write_robot_starter(mjcf: Path, path: Path, *, force: bool = False) -> Path:
         The path.
     """
     if not mjcf.is_file():
-        raise InputError(Problem(str(mjcf), 1, 1, "--robot", "no such file; allowed: the path of an MJCF file"))
+        raise InputError(
+            Problem(str(mjcf), 1, 1, "--robot", "no such file; allowed: the path of an MJCF file")
+        )
     if path.exists() and not force:
         message = f"'{path}' is there already; allowed: another name, or --force"
         raise InputError(Problem("", 0, 0, "FILE", message))
@@ -55,13 +57,21 @@ def _lines(mjcf: Path, path: Path, model: mujoco.MjModel) -> Iterator[str]:
     except ValueError:
         beside = mjcf.resolve()
     yield f"# A robot made of {mjcf.name}: what of it can be read (channels) and written (commands)."
-    yield "# Take out what you do not need, rename what you like; docs/robots/README.md tells what expressions can say."
+    yield (
+        "# Take out what you do not need, rename what you like; docs/robots/README.md tells what expressions "
+        "can say."
+    )
     yield f"robot: {_key(_word(mjcf.stem))}"
     yield f"description: {_key(mjcf.name)}"
     yield f"mjcf: {_key(str(beside))}"
-    yield f"# timestep: {model.opt.timestep * 1e3:g} ms      # the MJCF's own; a control step is a multiple of it"
+    timestep = f"{model.opt.timestep * 1e3:g} ms"
+    yield f"# timestep: {timestep}      # the MJCF's own; a control step is a multiple of it"
     keys = [_key(model.key(i).name) for i in range(model.nkey)]
-    yield f"# key: {keys[0]}      # keyframes to start from: {', '.join(keys)}" if keys else "# (the MJCF has no keyframes)"
+    yield (
+        f"# key: {keys[0]}      # keyframes to start from: {', '.join(keys)}"
+        if keys
+        else "# (the MJCF has no keyframes)"
+    )
     yield from _joints(model)
     taken: set[str] = set()
     yield from _channels(model, taken)
@@ -101,7 +111,11 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
     moving = _moving(model)
     if not moving:
         return
-    yield "# hold:                    # joints that start at and, where a position actuator drives them, are held at this"
+    yield (
+        "# hold:                    # joints that start at and, where a position actuator drives them, are "
+        "held "
+        "at this"
+    )
     for name, j, kind in moving:
         start = float(model.qpos0[model.jnt_qposadr[j]])
         shown = f"{np.degrees(start):.6g} deg" if kind == _HINGE else f"{start * 1e3:.6g} mm"
@@ -110,7 +124,8 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
     driven = {int(model.actuator_trnid[i, 0]) for i in range(model.nu) if of_joint[i]}
     names = [_key(name) for name, j, _ in moving if j in driven] or [_key(name) for name, _, _ in moving]
     yield "# servos:                  # position servos in the place of the MJCF's actuators of these joints"
-    yield f"#   - {{joints: [{', '.join(names)}], stiffness: 100 N*m/rad, damping: 3 N*m*s/rad, torque: 10 N*m}}"
+    numbers = "stiffness: 100 N*m/rad, damping: 3 N*m*s/rad, torque: 10 N*m"
+    yield f"#   - {{joints: [{', '.join(names)}], {numbers}}}"
 
 
 def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:
@@ -177,7 +192,9 @@ def _commands(model: mujoco.MjModel, channels: set[str]) -> Iterator[str]:
         name, unit = model.actuator(i).name, _unit_of_actuator(model, i)
         limits = ""
         if model.actuator_ctrllimited[i]:
-            low, high = (f"{value:.9g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[i])
+            low, high = (
+                f"{value:.9g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[i]
+            )
             limits = f", limits: [{low}, {high}]"
         own = _word(name)
         if own in taken:

@@ -26,18 +26,19 @@ def substeps_of(robot: RobotModel, step_s: float) -> int:
     Raises:
         InputError: It is no whole number of them.
     """
-    timestep = robot.model.opt.timestep
+    timestep = float(robot.model.opt.timestep)
     count = step_s / timestep
     if abs(count - round(count)) > _WHOLE or round(count) == 0:
         below = np.floor(count) * timestep
         steps = [f"{step * 1e3:g} ms" for step in (below, below + timestep) if step > 0]
         message = (
             f"found a control step of {step_s * 1e3:g} ms; allowed: a multiple of the model's time step of "
-            f"{timestep * 1e3:g} ms, such as {' or '.join(steps)}; or set timestep: {_fitting(step_s, count):g} ms "
+            f"{timestep * 1e3:g} ms, such as {' or '.join(steps)}; or set timestep: "
+            f"{_fitting(step_s, count):g} ms "
             f"in the robot file"
         )
         raise InputError(Problem("", 0, 0, "control_step", message))
-    return round(count)
+    return int(round(count))
 
 
 def _fitting(step_s: float, count: float) -> float:
@@ -116,7 +117,8 @@ class Worlds:
 
     def start_state(self) -> Array:
         """The state of every world now, right after `begin`; for `restart`. Shape (B, n)."""
-        return self.physics.state.copy()
+        state: Array = self.physics.state.copy()
+        return state
 
     def restart(self, robots: NDArray[np.int64], start: Array) -> None:
         """Put some robots back to their start, while the others go on; each then is at a tick of its own.
@@ -165,8 +167,8 @@ class Worlds:
         """From now on a robot is simulated by its leader; one that is its own leader is simulated itself.
 
         A robot that did the same as its leader until now and does so from now on has the same positions and
-        readings. When it gets another leader, which may be itself, it goes on from the state of the one that it
-        followed. Call it before somebody takes `readings`, which are another array afterwards.
+        readings. When it gets another leader, which may be itself, it goes on from the state of the one that
+        it followed. Call it before somebody takes `readings`, which are another array afterwards.
 
         Args:
             leaders: Of each robot, shape (B,); a leader is its own leader.

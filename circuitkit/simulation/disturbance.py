@@ -1,6 +1,6 @@
-"""Disturbances: forces, and what befalls channels, commands, actuators and bodies; made before the loop starts.
+"""Disturbances: forces, and what befalls channels, commands, actuators and bodies; made before the loop.
 
-A kind is a module in `disturbances`: a model of what the file says, and `act`, which adds hooks to the effects.
+A kind is a module in `disturbances`: a model of what the file says, and `act`, which adds hooks.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_validator
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel, describe, unfilled
 from circuitkit.base.source.fields import Seconds
-from circuitkit.base.units import UnitError, parse_quantity
+from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel, Worlds
 from circuitkit.simulation.reference import Moment, Reference
@@ -32,7 +32,12 @@ def _start(value: object, info: ValidationInfo) -> object:
     """A time in seconds, or a moment in the words of the reference."""
     if isinstance(value, Mapping):
         return dict(value)
-    if info.mode == "python" and isinstance(value, int | float) and not isinstance(value, bool) and value >= 0:
+    if (
+        info.mode == "python"
+        and isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and value >= 0
+    ):
         return float(value)
     try:
         quantity = parse_quantity(str(value))
@@ -74,10 +79,10 @@ class Disturbance(FileModel):
         return False
 
     def first_tick(self, effects: Effects, robot: int, where: str) -> int:  # noqa: ARG002 - for others
-        """From which tick on a robot may do otherwise than one that is not befallen by it; 0 if that is not known.
+        """From which tick on a robot may do otherwise than one that it does not befall; 0 if not known.
 
-        Asked of disturbances that are `per_robot`: robots with the same seed are the same before that tick, and
-        one of them is simulated for all.
+        Asked of disturbances that are `per_robot`: robots with the same seed are the same before that tick,
+        and         one of them is simulated for all.
 
         Raises:
             InputError: It starts at no moment of the reference.
@@ -264,7 +269,9 @@ class Effects:
             self._generators[key] = np.random.default_rng(seed)
         return self._generators[key]
 
-    def collected(self, name: str, make: Callable[[], Any], finish: Callable[[Effects], object] | None = None) -> Any:  # noqa: ANN401
+    def collected(
+        self, name: str, make: Callable[[], Any], finish: Callable[[Effects], object] | None = None
+    ) -> Any:  # noqa: ANN401
         """Something that several disturbances add to, and that may be finished when all have.
 
         Args:
@@ -312,7 +319,11 @@ class Effects:
         Raises:
             InputError: Nothing has such a name; lists what there is.
         """
-        roles = {n: c for block in self.robot.blocks.values() for n, c in getattr(block, "sensor_roles", {}).items()}
+        roles = {
+            n: c
+            for block in self.robot.blocks.values()
+            for n, c in getattr(block, "sensor_roles", {}).items()
+        }
         if pattern in roles:
             return list(roles[pattern]), []
         channels = [each for name, each in self.robot.channels.items() if fnmatchcase(name, pattern)]
@@ -323,7 +334,8 @@ class Effects:
                     first = int(model.sensor_adr[i])
                     return list(range(first, first + int(model.sensor_dim[i]))), []
             with placed(where):
-                raise UnknownNameError("channel", pattern, dict.fromkeys([*self.robot.channels, *roles]))
+                kind = "channel"
+                raise UnknownNameError(kind, pattern, dict.fromkeys([*self.robot.channels, *roles]))
         bare = [each.value.bare for each in channels]
         columns = list(dict.fromkeys(column for column in bare if column is not None))
         return columns, [each.name for each, column in zip(channels, bare, strict=True) if column is None]
@@ -385,6 +397,6 @@ def draw_effects(
 
 
 __all__ = [
-    "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start", "draw_effects",
-    "item_class", "placed",
+    "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start",
+    "draw_effects", "item_class", "placed",
 ]  # fmt: skip

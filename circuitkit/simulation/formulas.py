@@ -38,7 +38,7 @@ Value: TypeAlias = "float | bool | None"
 
 ENDED, TIME = "ended", "t"
 _FUNCTIONS: Mapping[str, tuple[int, int]] = {
-    **{name: (1, 1) for name in REDUCTIONS},
+    **dict.fromkeys(REDUCTIONS, (1, 1)),
     "max": (1, 50),
     "min": (1, 50),
     "outside": (1, 3),
@@ -92,7 +92,7 @@ class Formula:
         unit: Of its value, SI.
         is_condition: Whether its value is true or false.
         channels: The channels that it needs.
-        references: Parts of the MJCF that it names itself, such as `position(ball, x)`; they are channels too.
+        references: Parts of the MJCF that it names itself, such as `position(ball, x)`; channels too.
     """
 
     text: str
@@ -109,7 +109,7 @@ class Formula:
             track: The run, or a part of it.
             firsts: The first values, where the track is a later part; takes them, where it is the first one.
         """
-        functions = {
+        functions: dict[str, Callable[..., Any]] = {
             **NUMPY_FUNCTIONS,
             **{name: partial(_reduced, each, track) for name, each in REDUCTIONS.items()},
             "max": partial(_either, "max", track),
@@ -162,7 +162,7 @@ def _reduced(reduction: Reduction, track: Track, x: Any) -> Array:  # noqa: ANN4
 
 
 class _First:
-    """`first(x)` of a run that comes in parts: remembers the values of the first part, in the order of the calls."""
+    """`first(x)` of a run that comes in parts: remembers the first values, in the order of the calls."""
 
     def __init__(self, track: Track, firsts: list[Array]) -> None:
         self._track, self._firsts, self._calls = track, firsts, 0
@@ -206,8 +206,8 @@ def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expr
             return Call("max", (beyond, Number(0.0)))
         case Call(function="outside", arguments=(Name(name=name) as x,)):
             found = track.bounds(name)
-            low, high = (-np.inf, np.inf) if found is None else found
-            values |= {f"{name} low": low, f"{name} high": high}
+            ends = (-np.inf, np.inf) if found is None else found
+            values |= {f"{name} low": ends[0], f"{name} high": ends[1]}
             beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
             return Call("max", (beyond, Number(0.0)))
         case Call(function=function, arguments=arguments):
@@ -248,7 +248,7 @@ def parse_measure(text: str, units: Mapping[str, Unit], bounded: Iterable[str] =
 
 
 def _unit_like(dimension: Dimension, tree: Expression, units: Mapping[str, Unit]) -> Unit:
-    """The SI unit as a channel of the expression has it, such as N*m, which is more familiar than base units."""
+    """The SI unit as a channel of the expression has it, such as N*m, rather than in base units."""
     for name in sorted(tree.names()):
         if name in units and units[name].dimension == dimension and units[name].scale == 1:
             return units[name]

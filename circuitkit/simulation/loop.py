@@ -174,13 +174,16 @@ class _CommonStarts:
                 by_seed.setdefault(spec.seed, []).append(i)
         for robots in by_seed.values():
             self._leaders[robots] = max(robots, key=lambda i: int(self._own_tick[i]))
-        self._partings = sorted({int(self._own_tick[i]) for i in np.flatnonzero(self._following)}, reverse=True)
+        self._partings = sorted(
+            {int(self._own_tick[i]) for i in np.flatnonzero(self._following)}, reverse=True
+        )
         if self._partings:
             worlds.follow(self._leaders)
 
     @property
     def _following(self) -> NDArray[np.bool_]:
-        return self._leaders != np.arange(len(self._leaders))
+        following: NDArray[np.bool_] = self._leaders != np.arange(len(self._leaders))
+        return following
 
     def part(self, tick: int) -> None:
         """Before a tick: let those go on by themselves whom something befalls in it."""
@@ -213,17 +216,15 @@ def _ticks(
     sense, controller = _Senses(setup, worlds), setup.controller
     control, advance = controller.step, worlds.advance
     store = getattr(controller, "store_trace", None) if setup.trace_names else None
-    reads, last = bool(controller.observations), setup.ticks - 1
+    reads = bool(controller.observations)
     on_worlds, on_commands = setup.effects.on_worlds, setup.effects.on_commands
-    still: NDArray[np.bool_] | None = None
-    recent_readings = np.empty((_LOOK_EVERY, *worlds.readings.shape))
-    recent_commands = np.empty((_LOOK_EVERY, worlds.batch, len(controller.commands)))
+    watch = _Watch(setup, worlds, tracker, to_the_end=to_the_end)
     for tick in range(setup.ticks):
         observation = rows.observations[tick]
         if reads:
             sense(tick, observation)
-            if still is not None:
-                observation[still] = np.nan
+            if watch.still is not None:
+                observation[watch.still] = np.nan
         rows.commands[tick] = commands = control(observation)
         if store is not None:
             store(rows.trace[tick])
@@ -233,23 +234,50 @@ def _ticks(
         if on_worlds:
             _do(on_worlds, tick, worlds)
         advance(tick, commands)
-        if (lost := worlds.newly_lost()) is not None:
-            tracker.lose(lost, tick)
         rows.readings[tick] = worlds.readings
         rows.qpos[tick] = worlds.qpos
-        recent_readings[tick % _LOOK_EVERY] = worlds.readings
-        recent_commands[tick % _LOOK_EVERY] = commands
+        watch.keep(tick, commands)
         yield tick + 1
-        if tick % _LOOK_EVERY == 0 or tick == last:
-            seen = np.arange(tracker.done, tick + 1) % _LOOK_EVERY
-            newly = tracker.look(recent_readings[seen], recent_commands[seen])
-            if to_the_end and newly.any():
-                still = tracker.ended
-                worlds.stop(still)
-            if tracker.ended.all():
-                last = min(last, int(tracker.seen_tick.max()) + (0 if to_the_end else _AFTER_END))
-        if tick >= last:
+        if watch.is_over(tick):
             return
+
+
+class _Watch:
+    """Looks from time to time at who has ended.
+
+    Attributes:
+        still: For whom time stands still, since only the measures count; None for nobody.
+    """
+
+    def __init__(self, setup: Setup, worlds: Worlds, tracker: Tracker, *, to_the_end: bool) -> None:
+        self._worlds, self._tracker, self._to_the_end = worlds, tracker, to_the_end
+        self._last = setup.ticks - 1
+        self._readings = np.empty((_LOOK_EVERY, *worlds.readings.shape))
+        self._commands = np.empty((_LOOK_EVERY, worlds.batch, len(setup.controller.commands)))
+        self.still: NDArray[np.bool_] | None = None
+
+    def keep(self, tick: int, commands: Array) -> None:
+        """Keep what the next look needs, and see at once whom MuJoCo has lost."""
+        if (lost := self._worlds.newly_lost()) is not None:
+            self._tracker.lose(lost, tick)
+        self._readings[tick % _LOOK_EVERY] = self._worlds.readings
+        self._commands[tick % _LOOK_EVERY] = commands
+
+    def is_over(self, tick: int) -> bool:
+        """Whether this was the last tick."""
+        if tick % _LOOK_EVERY == 0 or tick == self._last:
+            self._look(tick)
+        return tick >= self._last
+
+    def _look(self, tick: int) -> None:
+        seen = np.arange(self._tracker.done, tick + 1) % _LOOK_EVERY
+        newly = self._tracker.look(self._readings[seen], self._commands[seen])
+        if self._to_the_end and newly.any():
+            self.still = self._tracker.ended
+            self._worlds.stop(self.still)
+        if self._tracker.ended.all():
+            after = 0 if self._to_the_end else _AFTER_END
+            self._last = min(self._last, int(self._tracker.seen_tick.max()) + after)
 
 
 def _do(hooks: Sequence[Hook], tick: int, what: Any) -> None:  # noqa: ANN401 - worlds or an array
@@ -275,7 +303,7 @@ class _Senses:
         effects, channels = setup.effects, setup.robot.channels
         self._on_readings, self._on_clipped = effects.on_readings, effects.on_clipped
         self._on_channels = effects.on_channels
-        known = {name: each for name, each in channels.items()}
+        known = dict(channels)
         self._observer = Observer(known, setup.controller.observations)
         ranges = {c.value.bare: c.range for c in channels.values() if c.range and c.value.bare is not None}
         wanted = _columns(setup.robot, setup.controller.observations)
@@ -317,5 +345,7 @@ def _clips(readings: Array, ranges: dict[int, tuple[float, float]]) -> list[_Cli
         view = readings[:, run[0] : run[-1] + 1]
         low, high = (np.array([ranges[column][end] for column in run]) for end in (0, 1))
         shape = view.shape
-        found.append(_Clip(view, np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy(), run))
+        found.append(
+            _Clip(view, np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy(), run)
+        )
     return found

@@ -41,7 +41,7 @@ class BoundMeasure:
     """
 
     channels: tuple[str, ...] = ()
-    units: Mapping[str, Unit] = {}  # noqa: RUF012 - never changed
+    units: Mapping[str, Unit] = {}
 
     def measure(self, track: Track) -> Mapping[str, Value]:  # noqa: ARG002 - for others
         """What it gives."""

@@ -128,7 +128,7 @@ class Plan:
             with self.scenario.located("controller") if given is None else nullcontext():
                 chosen = self._named(str(chosen))
         bind = getattr(chosen, "bind", None)
-        with self.scenario.located("connect"):
+        with self.scenario.located(""):
             made: Controller = chosen if bind is None else bind(self.interface)
         return made
 
@@ -137,7 +137,70 @@ class Plan:
             return OpenLoop()
         if name == CIRCUIT:
             if self.circuits.used is None:
-                message = f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in its file"
+                message = (
+                    f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in "
+                    "its "
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    ""
+                    "file"
+                )
                 raise InputError(Problem("", 0, 0, "controller", message))
             connect = self.scenario.connect.model_dump()
             return CircuitController(self.circuits.used, connect=connect, backend=self.backend)
@@ -252,7 +315,7 @@ def load_circuits(
     if chosen is None:
         return Circuits()
     own_settings = {name: str(value) for name, value in scenario.settings.items()} if circuit is None else {}
-    with scenario.located("settings" if own_settings else "circuit"):
+    with scenario.located("settings" if own_settings else "circuit") if not settings else nullcontext():
         whole = _graph(scenario, chosen, {**own_settings, **(settings or {})}, here=circuit is None)
         other = circuit is not None and scenario.circuit is not None
         own = _graph(scenario, scenario.circuit, None, here=True) if other else None
@@ -265,11 +328,14 @@ def _graph(
 ) -> CircuitGraph:
     if isinstance(given, CircuitGraph):
         return given
-    return load_circuit(scenario.file(str(given)) if here else given, settings)
+    file = scenario.file(str(given)) if here else given
+    return load_circuit(file, settings, option="settings" if settings else "")
 
 
 def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> Body:
-    """Build the robot of a scenario and plan its motion; depends on robot, servos, duration and changed bodies.
+    """Build the robot of a scenario and plan its motion.
+
+    It depends on robot, servos, duration and changed bodies.
 
     Raises:
         InputError: A file is wrong or missing.
@@ -309,7 +375,10 @@ def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -
     changes = [(k, each) for k, each in enumerate(scenario.befalling) if each.changes_model]
     units = measurable(Body(robot, robot, motion, 1.0, 1))
     calls: dict[str, Any] = {}
-    for key, name, text in [("until", "", scenario.until or ""), *(("measures", *m) for m in scenario.formulas.items())]:
+    for key, name, text in [
+        ("until", "", scenario.until or ""),
+        *(("measures", *m) for m in scenario.formulas.items()),
+    ]:
         if text:
             every = set(robot.channels) | set(units)
             formula = _formula(scenario, (key, name), text, units, every)

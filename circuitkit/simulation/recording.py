@@ -128,7 +128,10 @@ class Recording:
             values = Observer(self.robot.channels, [name])(self.readings[:, robot])[:, 0]
             columns[column_name(name, channel.unit)] = (values, named_symbol(channel.unit.dimension))
         for name, planned in self.motion.planned.items():
-            columns[column_name(name, planned.unit)] = (planned.values[: self.ticks], named_symbol(planned.unit.dimension))
+            columns[column_name(name, planned.unit)] = (
+                planned.values[: self.ticks],
+                named_symbol(planned.unit.dimension),
+            )
         for block in self.robot.blocks.values():
             for name, (values, unit) in getattr(block, "columns", lambda _: {})(self).items():
                 columns[column_name(name, unit)] = (values[:, robot], named_symbol(unit.dimension))

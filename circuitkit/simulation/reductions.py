@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from circuitkit.base.units import Dimension
 from circuitkit.circuit.expressions.dimensions import (
@@ -41,12 +42,23 @@ def _same(dimension: OpenDimension | None) -> OpenDimension | None:
 
 
 def _mean_so_far(x: Array, _: float) -> Array:
-    return np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0)
+    return np.asarray(np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0), dtype=np.float64)
 
 
-def _holds(x: Array) -> Array:
+def _holds(x: Array) -> NDArray[np.bool_]:
     """Where a condition holds: what is outside a window, not a number, does not."""
-    return (x != 0) & ~np.isnan(x)
+    holds: NDArray[np.bool_] = (x != 0) & ~np.isnan(x)
+    return holds
+
+
+def _total_so_far(x: Array, dt: float) -> Array:
+    total: Array = np.asarray(np.cumsum(np.nan_to_num(x), axis=0) * dt, dtype=np.float64)
+    return total
+
+
+def _held_so_far(x: Array, dt: float) -> Array:
+    held: Array = np.asarray(np.cumsum(_holds(x), axis=0) * dt, dtype=np.float64)
+    return held
 
 
 def _last_so_far(x: Array, _: float) -> Array:
@@ -68,7 +80,8 @@ def _first_so_far(x: Array, _: float) -> Array:
 def _first_time(x: Array, dt: float) -> Array:
     seen = np.maximum.accumulate(_holds(x), axis=0)
     first = np.argmax(_holds(x), axis=0) if len(x) else 0
-    return np.where(seen, (first + 1) * dt, np.nan)
+    time: Array = np.where(seen, (first + 1) * dt, np.nan)
+    return time
 
 
 def _begun(x: Array) -> Array:
@@ -81,15 +94,13 @@ REDUCTIONS: Mapping[str, Reduction] = {
     "min": Reduction(lambda x, _: np.fmin.accumulate(x, axis=0), _same, "the smallest value"),
     "mean": Reduction(_mean_so_far, _same, "the mean"),
     "rms": Reduction(lambda x, dt: np.sqrt(_mean_so_far(np.square(x), dt)), _same, "the root mean square"),
-    "total": Reduction(
-        lambda x, dt: np.cumsum(np.nan_to_num(x), axis=0) * dt, lambda d: None if d is None else d.times(SECOND), "the integral over time"
-    ),
+    "total": Reduction(_total_so_far, lambda d: d and d.times(SECOND), "the integral over time"),
     "first": Reduction(_first_so_far, _same, "the first value"),
     "last": Reduction(_last_so_far, _same, "the last value"),
-    "duration": Reduction(
-        lambda x, dt: np.cumsum(_holds(x), axis=0) * dt, lambda _: SECOND, "how long a condition held"
+    "duration": Reduction(_held_so_far, lambda _: SECOND, "how long a condition held"),
+    "count": Reduction(
+        lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: PLAIN, "how often a condition began to hold"
     ),
-    "count": Reduction(lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: PLAIN, "how often a condition began to hold"),
     "time_of": Reduction(_first_time, lambda _: SECOND, "when a condition held first"),
 }
 CONDITIONAL = frozenset({"duration", "count", "time_of"})

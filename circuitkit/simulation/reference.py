@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.registry import Registry
@@ -46,7 +47,7 @@ class Motion:
     targets: Array
     start_qpos: Array
     planned: Mapping[str, PlannedChannel] = field(default_factory=dict)
-    columns: Mapping[str, Array] = field(default_factory=dict)
+    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     knowledge: Any = None
     pace_s: float = 0.0
     start_act: Array | None = None
@@ -96,7 +97,7 @@ class Reference:
         """
         return cls()
 
-    def moment(self, where: Mapping[str, Any], duration_s: float) -> Moment:
+    def moment(self, where: Mapping[str, Any], duration_s: float) -> Moment:  # noqa: ARG002 - for others
         """A moment by the reference's own words.
 
         Args:
@@ -106,7 +107,10 @@ class Reference:
         Raises:
             InputError: There is no such moment.
         """
-        message = f"found {dict(where)}; allowed: a time such as 5 s, for the reference '{self.name}' has no moments"
+        message = (
+            f"found {dict(where)}; allowed: a time such as 5 s, for the reference '{self.name}' has no "
+            "moments"
+        )
         raise InputError(Problem("", 0, 0, "start", message))
 
     def at(self, time_s: float) -> Moment:

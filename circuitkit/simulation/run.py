@@ -99,7 +99,9 @@ def compare(
     loaded = _loaded(scenario, robot)
     plan = make_plan(loaded, circuit, settings, backend)
     bound = [plan.controller(each) for each in controllers]
-    names = _folder_names([str(c) if isinstance(c, str | Path) else b.name for c, b in zip(controllers, bound, strict=True)])
+    names = _folder_names(
+        [str(c) if isinstance(c, str | Path) else b.name for c, b in zip(controllers, bound, strict=True)]
+    )
     results = []
     for each, name in zip(bound, names, strict=True):
         folder = None if output is None else Path(output) / name
@@ -171,7 +173,9 @@ def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) ->
     except InputError as error:
         if not given or not all(each.where.endswith(".push.direction") for each in error.problems):
             raise
-        problems = (Problem("", 0, 0, "--push: direction", each.message, each.hint) for each in error.problems)
+        problems = (
+            Problem("", 0, 0, "--push: direction", each.message, each.hint) for each in error.problems
+        )
         raise InputError(*problems) from error
 
 

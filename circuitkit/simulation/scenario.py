@@ -1,4 +1,4 @@
-"""The scenario: robot, reference, controller, disturbances, measures and seed, as data or as Python objects."""
+"""The scenario: robot, reference, controller, disturbances, measures and seed, as data or as objects."""
 
 from __future__ import annotations
 
@@ -83,7 +83,10 @@ class _Measures(FileModel):
 def reference_class() -> type[_ReferenceItem]:
     """A model with a key for each kind of reference."""
     fields: dict[str, Any] = {
-        kind: (made.settings | None, Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]))
+        kind: (
+            made.settings | None,
+            Field(default=None, description=(made.__doc__ or kind).partition("\n")[0]),
+        )
         for kind, made in REFERENCES.kinds.items()
     }
     return create_model("Reference", __base__=_ReferenceItem, **fields)
@@ -104,8 +107,17 @@ def scenario_class() -> type[Scenario]:
     measure: Any = measures_class()
     fields: dict[str, Any] = {
         "reference": (reference | None, Field(default=None, description="What the commands are added to.")),
-        "disturbances": (tuple[item, ...], Field(default=(), description="What befalls robot, channels and commands, in order.")),
-        "measures": (measure, Field(default=measure(), description="Expressions by name, and kinds of measures with their settings.")),
+        "disturbances": (
+            tuple[item, ...],
+            Field(default=(), description="What befalls robot, channels and commands, in order."),
+        ),
+        "measures": (
+            measure,
+            Field(
+                default=measure(),
+                description="Expressions by name, and kinds of measures with their settings.",
+            ),
+        ),
     }
     return create_model("Scenario", __base__=Scenario, **fields)
 
@@ -137,7 +149,9 @@ def _as_file(value: Any) -> Any:  # noqa: ANN401 - any field
     return value
 
 
-_TAKEN: Mapping[str, tuple[tuple[type, ...], str]] = {  # no types: what is neither a number nor a mapping nor a list
+_TAKEN: Mapping[
+    str, tuple[tuple[type, ...], str]
+] = {  # no types: what is neither a number nor a mapping nor a list
     "robot": ((str, Path, Robot), "the name of a robot, the path of a robot file, or a Robot"),
     "circuit": ((str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
     "controller": ((), "a name, a path, or a Controller"),
@@ -163,7 +177,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     controller: Any = Field(
         default=None, description="open_loop, circuit, or the name or path of a controller file."
     )
-    circuit: Any = Field(default=None, description="The circuit of the controller named circuit: a shipped one or a path.")
+    circuit: Any = Field(
+        default=None, description="The circuit of the controller named circuit: a shipped one or a path."
+    )
     settings: Mapping[str, str | float] = Field(
         default={}, description="Values of the circuit that take the place of its file's, such as w: 2 deg."
     )
@@ -174,7 +190,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         "such as q1 or q1 -> p1.",
     )
     control_step: Seconds | None = Field(
-        default=None, gt=0, description="Time between two commands; that of the reference, else that of the circuit, if absent."
+        default=None,
+        gt=0,
+        description="Time between two commands; that of the reference, else that of the circuit, if absent.",
     )
     duration: Seconds = Field(gt=0, le=LONGEST_S, description="How long the run lasts.")
     disturbances: Any = ()
@@ -253,7 +271,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         """Give complaints that belong to no file the line of this scenario that they are about.
 
         Args:
-            key: What they are about if they do not say, such as `robot`.
+            key: What they are about if they do not say, such as `robot`; empty leaves those as they are.
         """
         try:
             yield
@@ -263,6 +281,8 @@ class Scenario(FileModel, metaclass=_TakesObjects):
 
     def _here(self, problem: Problem, key: str) -> Problem:
         where = problem.where or key
+        if not where:
+            return problem
         for length in range(len(parts := where.split(".")), 0, -1):
             shorter = ".".join(parts[:length])
             place = next((place for place in self._document.marks if place_text(place) == shorter), None)
@@ -270,7 +290,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
                 return replace(self._document.problem(place, problem.message, problem.hint), where=where)
         if not self._document.path:
             return replace(problem, where=where)
-        return replace(self._document.problem((key.partition(".")[0],), problem.message, problem.hint), where=where)
+        return replace(
+            self._document.problem((key.partition(".")[0],), problem.message, problem.hint), where=where
+        )
 
     def problem_in(self, key: str, name: str, message: str, offset: int) -> Problem:
         """A complaint about the text of an expression, such as `measures` and the name of one."""
@@ -281,7 +303,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
 
 
 def beside(name: str, document: Document) -> str:
-    """A file that a document names, from the document's own folder if it is a relative path that exists there."""
+    """A file that a document names, from the document's own folder if it is a path that exists there."""
     path = Path(name)
     near = Path(document.path).parent / path
     found = path.suffix and not path.is_absolute() and near.is_file()

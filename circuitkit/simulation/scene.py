@@ -133,7 +133,10 @@ class ReplayModel:
         mujoco.mj_tendon(self.model, self.data)
 
     def last_above_ground(self, tick: int) -> int:
-        """The last tick, from a given one on, before the robot sinks into the ground with parts that touch nothing."""
+        """The last tick, from a given one on, before the robot sinks into the ground.
+
+        Parts that touch nothing sink.
+        """
         sunk = self._height[tick:] < _SUNK * self._height[0]
         return tick + int(sunk.argmax()) - 1 if sunk.any() else len(self._qpos) - 1
 

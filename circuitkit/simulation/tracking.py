@@ -88,6 +88,7 @@ class Tracker:
             self._values[begin : self.done, :, i] = observer(readings)[..., 0]
         self._commands[begin : self.done] = commands
         if self._judge.until is not None:
+
             def track(first: int) -> Track:
                 return self._track(slice(None), first, self.done)
 
@@ -129,7 +130,9 @@ class Tracker:
             if name in self._command_place:
                 return self._commands[first:last, robot, self._command_place[name]]
             if name not in self._motion.planned:  # a command that this controller does not write
-                return np.zeros((last - first,) if isinstance(robot, int) else (last - first, len(self.ended)))
+                return np.zeros(
+                    (last - first,) if isinstance(robot, int) else (last - first, len(self.ended))
+                )
             planned = self._motion.planned[name].values[first:last]
             return planned if isinstance(robot, int) else planned[:, np.newaxis]
 

@@ -1,4 +1,4 @@
-"""The closed loop of a walk: the same to the bit for any batch, threads and names; faults, falls and Ctrl-C."""
+"""The closed loop of a walk: the same to the bit for any batch, threads and names; faults, falls, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from walking import (
 )
 
 from circuitkit import parse_circuit
-from circuitkit.biped.robot import ForceCells
+from circuitkit.biped.spec import ForceCells
 from circuitkit.robots import load_robot
 from circuitkit.simulation import RunSpec
 from circuitkit.simulation.disturbance import Hook
@@ -37,7 +37,9 @@ from circuitkit.simulation.loop import run_and_watch, run_loop
 JITTER, NOISE = Jitter(start=0.02, velocity=0.01), Noise(channel="*Fsr*", std="0.2 N")
 SPECS = (
     RunSpec(4, (JITTER, NOISE, a_push(force=12.0))),
-    RunSpec(5, (JITTER, NOISE, a_push(force=9.0, direction="outward"), a_push(body="Head", force=2.0, step=1))),
+    RunSpec(
+        5, (JITTER, NOISE, a_push(force=9.0, direction="outward"), a_push(body="Head", force=2.0, step=1))
+    ),
     RunSpec(6, (JITTER, NOISE)),
 )
 
@@ -216,7 +218,9 @@ def test_the_open_loop_follows_the_plan_and_records_no_neurons():
 def test_a_push_gives_its_impulse_to_the_robot():
     """Right after a short hard push the CoM is faster by F d / m, less what the standing leg takes."""
     push = a_push(force=60.0, duration=0.02, direction="outward", at=0.5)
-    pushed, calm = (walk_alone(plan_of(duration=2.0, disturbances=pushes), "open_loop") for pushes in ((push,), ()))
+    pushed, calm = (
+        walk_alone(plan_of(duration=2.0, disturbances=pushes), "open_loop") for pushes in ((push,), ())
+    )
     after = round(pushed.effects.windows_s[0, 1] / 0.01) + 1
     faster = (view_of(pushed).com_velocity - view_of(calm).com_velocity)[after, 0]
     assert 0.6 < faster[1] / (60 * 0.02 / nao().mass_kg) < 1.0

@@ -158,22 +158,21 @@ def test_a_free_joint_is_no_joint_to_hold(tmp_path, robot, mjcf):
 def test_the_torso_must_be_what_floats(tmp_path, robot, mjcf):
     robot["biped"]["torso"] = "Head"
     (said,) = complaints(tmp_path, robot, mjcf)
-    assert said.endswith(
-        ": biped.torso: 'Head' does not hang from a free joint; allowed: the body that does"
-    )
+    assert said.endswith(": biped.torso: 'Head' does not hang from a free joint; allowed: the body that does")
 
 
 def test_a_foot_must_be_able_to_touch(tmp_path, robot, mjcf):
     robot["biped"]["feet"]["right"]["body"] = "RTibia"
     (said,) = complaints(tmp_path, robot, mjcf)
     assert said.endswith(
-        ": biped.feet.right.body: 'RTibia' has no geom that can touch the ground; "
-        "allowed: a body with a sole"
+        ": biped.feet.right.body: 'RTibia' has no geom that can touch the ground; allowed: a body with a sole"
     )
 
 
 def test_every_joint_of_the_legs_needs_a_servo(tmp_path, robot, mjcf):
     robot["servos"] = {"stall": robot["servos"]["stall"][1:]}
     (said,) = complaints(tmp_path, robot, mjcf)
-    assert ": biped.joints.left_hip_roll: the joint 'LHipRoll' has no position servo; allowed: HeadYaw, " in said
+    assert (
+        ": biped.joints.left_hip_roll: the joint 'LHipRoll' has no position servo; allowed: HeadYaw, " in said
+    )
     assert said.endswith("; or give it one by servos")

@@ -217,7 +217,9 @@ def test_commands_are_added_to_the_targets_by_the_robot_file():
     motion = still()[1]
     robot = naos(motion, ("ankle_pitch", "ankle_roll"), batch=2)
     robot.advance(3, np.array([[0.0, 0.1], [0.2, 0.0]]))
-    added = dict(zip(nao().names("actuator"), (robot.physics.bind("ctrl") - motion.targets[3]).T, strict=True))
+    added = dict(
+        zip(nao().names("actuator"), (robot.physics.bind("ctrl") - motion.targets[3]).T, strict=True)
+    )
     expected = {
         "LAnkleRoll": [0.1, 0], "RAnkleRoll": [0.1, 0], "LHipRoll": [-0.1, 0], "RHipRoll": [-0.1, 0],
         "LAnklePitch": [0, 0.2], "RAnklePitch": [0, 0.2], "LHipPitch": [0, -0.2], "RHipPitch": [0, -0.2],

@@ -142,8 +142,14 @@ def test_inward_is_towards_the_foot_in_the_air():
 
 @pytest.mark.parametrize(
     ("name", "vector"),
-    [("forward", [1, 0, 0]), ("backward", [-1, 0, 0]), ("left", [0, 1, 0]), ("right", [0, -1, 0]),
-     ("up", [0, 0, 1]), ("down", [0, 0, -1])],
+    [
+        ("forward", [1, 0, 0]),
+        ("backward", [-1, 0, 0]),
+        ("left", [0, 1, 0]),
+        ("right", [0, -1, 0]),
+        ("up", [0, 0, 1]),
+        ("down", [0, 0, -1]),
+    ],
 )
 def test_other_directions_are_those_of_the_world(name, vector):
     for support in (LEFT, RIGHT):
@@ -326,7 +332,9 @@ def test_a_dead_cell_is_dead_from_the_first_tick_to_the_last():
 
 @pytest.mark.parametrize("by", [0.0, 0.01, 0.03, 0.29])
 def test_a_delay_is_a_whole_number_of_control_steps(by):
-    found = draw_effects([RunSpec(0, (Delay(channel="zmp_y", by=by),))], nao(), REFERENCE, TICKS, 0.01, ["zmp_y"])
+    found = draw_effects(
+        [RunSpec(0, (Delay(channel="zmp_y", by=by),))], nao(), REFERENCE, TICKS, 0.01, ["zmp_y"]
+    )
     rows = np.arange(TICKS, dtype=float).reshape(-1, 1, 1)
     for tick, row in enumerate(rows):
         for hook in found.on_channels:

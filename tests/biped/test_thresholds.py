@@ -1,4 +1,4 @@
-"""The measure `thresholds`: lines at which a circuit's neurons stand, and walks made up by hand against them."""
+"""The measure `thresholds`: lines at which a circuit's neurons stand, and walks made up by hand."""
 
 from __future__ import annotations
 
@@ -49,17 +49,78 @@ def test_lines_of_the_papers_network_are_the_edges_of_the_feet():
     [
         (
             {"left_foot": {"right": "q33", "left": "q4"}},
-            "measures.thresholds.left_foot: found 'q33': no neuron of 'edges' with a shift that reads 'zmp_y'; "
+            "measures.thresholds.left_foot: found 'q33': no neuron of 'edges' with a shift that reads "
+            "'zmp_y'; "
             "allowed: q1, q3, q2, q4; did you mean 'q3'?",
         ),
         (
             {"both_feet": {"right": "q1", "left": "out"}},
-            "measures.thresholds.both_feet: found 'out': no neuron of 'edges' with a shift that reads 'zmp_y'; "
+            "measures.thresholds.both_feet: found 'out': no neuron of 'edges' with a shift that reads "
+            "'zmp_y'; "
             "allowed: q1, q3, q2, q4",
         ),
         (
             {"channel": "zmp_x"},
-            "measures.thresholds.left_foot: found 'q3': no neuron of 'edges' with a shift that reads 'zmp_x'; "
+            "measures.thresholds.left_foot: found 'q3': no neuron of 'edges' with a shift that reads "
+            "'zmp_x'; "
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
             "allowed: nothing",
         ),
     ],

@@ -188,7 +188,8 @@ def test_an_output_of_another_dimension():
         "unit: deg, readout: {a: 2 deg, b: -1 deg}", "unit: mm, readout: {a: 2 mm}"
     ).replace("[-9 deg, 9 deg]", "[-9 mm, 9 mm]")
     assert complaints(text) == [
-        "pair.yaml:14:3: outputs.ankle_roll: found the unit 'mm'; allowed: the robot's command 'ankle_roll' has "
+        "pair.yaml:14:3: outputs.ankle_roll: found the unit 'mm'; allowed: the robot's command 'ankle_roll' "
+        "has "
         "'deg', or like it"
     ]
 

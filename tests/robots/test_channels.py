@@ -1,4 +1,4 @@
-"""Channels: each reference against MuJoCo's own data, or against geometry; and what is said of a wrong one."""
+"""Channels: each reference against MuJoCo's own data, or geometry; and what is said of a wrong one."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ BEAST = """
     <muscle name="biceps" tendon="cord" lengthrange=".1 .6"/>
   </actuator>
   <sensor>
-    <gyro name="gy ro" site="nose tip"/><jointpos name="jp" joint="push"/><framequat name="q" objtype="site" objname="hand"/>
+    <gyro name="gy ro" site="nose tip"/><jointpos name="jp" joint="push"/>
+    <framequat name="q" objtype="site" objname="hand"/>
     <user name="own" dim="2"/><clock name="now"/>
   </sensor>
 </mujoco>
@@ -96,11 +97,20 @@ def test_joints_hinge_in_radians_and_slide_in_metres(beast):
 def test_sensors_of_one_and_of_several_numbers(beast):
     found, _, data = beast(
         {
-            **axes('sensor("gy ro", AXIS)', "rad/s"), "sensor(jp)": "m", "sensor(q, 3)": "1", "sensor(own, 1)": "N",
+            **axes('sensor("gy ro", AXIS)', "rad/s"),
+            "sensor(jp)": "m",
+            "sensor(q, 3)": "1",
+            "sensor(own, 1)": "N",
             "sensor(now)": "s",
-        }  # fmt: skip
+        }
     )
-    expected = [*data.sensor("gy ro").data, data.joint("push").qpos[0], data.sensor("q").data[3], 0.0, data.time]
+    expected = [
+        *data.sensor("gy ro").data,
+        data.joint("push").qpos[0],
+        data.sensor("q").data[3],
+        0.0,
+        data.time,
+    ]
     np.testing.assert_allclose(list(found.values()), expected, atol=1e-15)
 
 
@@ -108,9 +118,11 @@ def test_sensors_of_one_and_of_several_numbers(beast):
 def test_position_and_axes_are_those_of_the_part(beast, part):
     found, _, data = beast(
         {
-            **axes(f'position("{part}", AXIS)', "m"), **axes(f'ahead("{part}", AXIS)', "1"),
-            **axes(f'side("{part}", AXIS)', "1"), **axes(f'up("{part}", AXIS)', "1"),
-        }  # fmt: skip
+            **axes(f'position("{part}", AXIS)', "m"),
+            **axes(f'ahead("{part}", AXIS)', "1"),
+            **axes(f'side("{part}", AXIS)', "1"),
+            **axes(f'up("{part}", AXIS)', "1"),
+        }
     )
     if part in {"hand", "nose tip"}:
         place, frame = data.site(part).xpos, data.site(part).xmat
@@ -183,14 +195,20 @@ def test_distance_is_between_the_two_points(beast):
 def test_actuators_and_tendons(beast):
     found, _, data = beast(
         {
-            "actuator_length(biceps)": "m", "actuator_velocity(biceps)": "m/s", "actuator_force(biceps)": "N",
-            "actuator_force(turn)": "N*m", "tendon(cord)": "m", "tendon_rate(cord)": "m/s",
-            'force("el bow")': "N*m", "force(push)": "N",
-        }  # fmt: skip
+            "actuator_length(biceps)": "m",
+            "actuator_velocity(biceps)": "m/s",
+            "actuator_force(biceps)": "N",
+            "actuator_force(turn)": "N*m",
+            "tendon(cord)": "m",
+            "tendon_rate(cord)": "m/s",
+            'force("el bow")': "N*m",
+            "force(push)": "N",
+        }
     )
     biceps, turn, cord = data.actuator("biceps"), data.actuator("turn"), data.tendon("cord")
     expected = [
-        biceps.length[0], biceps.velocity[0], biceps.force[0], turn.force[0], cord.length[0], cord.velocity[0],
+        biceps.length[0], biceps.velocity[0], biceps.force[0], turn.force[0],
+        cord.length[0], cord.velocity[0],
         data.joint("el bow").qfrc_actuator[0], data.joint("push").qfrc_actuator[0],
     ]  # fmt: skip
     np.testing.assert_allclose(list(found.values()), expected, atol=1e-12)
@@ -223,10 +241,13 @@ def spun(tmp_path_factory):
 def test_at_rest_the_contact_force_is_the_weight(beast):
     found, _, _ = beast(
         {
-            "contact(block)": "N", "contact(block, world)": "N", 'contact(block, "the floor")': "N",
-            'contact(block, "main body")': "N", **axes("contact(block, AXIS)", "N"),
+            "contact(block)": "N",
+            "contact(block, world)": "N",
+            'contact(block, "the floor")': "N",
+            'contact(block, "main body")': "N",
+            **axes("contact(block, AXIS)", "N"),
             'contact(block, "the floor", z)': "N",
-        },  # fmt: skip
+        },
         settle=1500,
     )
     weight = 7 * 9.81
@@ -242,7 +263,10 @@ def test_what_a_body_carries_touches_for_it(beast):
 
 
 def test_expressions_join_references_as_they_are_written(beast):
-    text = 'hypot(position(finger, x) - position(block, x), position(finger, y) - position(block, y)) + 2 * joint(push)'
+    text = (
+        "hypot(position(finger, x) - position(block, x), position(finger, y) - position(block, y)) + 2 * "
+        "joint(push)"
+    )
     found, _, data = beast({text: "m", "where(joint(push) > 0, 1, -1)": "1"})
     away = (data.body("finger").xpos - data.body("block").xpos)[:2]
     angle = data.joint("push").qpos[0]
@@ -290,7 +314,8 @@ def test_adding_sensors_changes_no_bit_of_the_motion(tmp_path):
         ),
         (
             "sensor(felt)", "m/s^2",
-            "6:9: channels.c.is: the sensor 'felt' has 3 numbers; allowed: one of them, such as sensor(felt, x)",
+            "6:9: channels.c.is: the sensor 'felt' has 3 numbers; allowed: one of them, such as sensor(felt, "
+            "x)",
         ),
         (
             "sensor(felt, 3)", "m/s^2",
@@ -338,7 +363,7 @@ def test_the_column_is_right_behind_a_quoted_name(tmp_path):
     path = robot_file(tmp_path, CART)
     path.write_text(
         path.read_text(encoding="utf-8")
-        + "channels:\n  c: {unit: m, is: 'position(\"cart\", x) + position(\"pol\", x)'}\n",
+        + 'channels:\n  c: {unit: m, is: \'position("cart", x) + position("pol", x)\'}\n',
         encoding="utf-8",
     )
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""MJCFs that were written without circuitkit in mind: nothing in them is changed, and everything can be named."""
+"""MJCFs that were written without circuitkit in mind: nothing is changed, and everything can be named."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from circuitkit.robots import Worlds, build_model, load_robot
 from circuitkit.robots.starter import write_robot_starter
 from circuitkit.simulation import simulate
 
-# Names with spaces, slashes and letters beyond ASCII, words of YAML and Python, no names at all; every kind of
-# sensor and actuator; several free bodies, of which a loose one is the heaviest; mocap; height field; camera.
+# Names with spaces, slashes and letters beyond ASCII, words of YAML and Python, no names at all; every kind
+# of sensor and actuator; several free bodies, of which a loose one is the heaviest; mocap; height field;
+# camera.
 ODD = """
 <mujoco model="a/b c">
   <option timestep="0.003" integrator="implicitfast"/>
@@ -31,7 +32,8 @@ ODD = """
         <joint name="no" range="-1 1" limited="true"/><geom size=".05" pos=".1 0 0"/><site name="s it"/>
         <body pos=".2 0 0"><joint type="ball" name="ball"/><geom size=".05" pos=".1 0 0"/></body>
       </body>
-      <body name="é" pos="-.2 0 0"><joint type="slide" name="lambda" ref=".1"/><geom size=".05"/><site name="t1"/></body>
+      <body name="é" pos="-.2 0 0"><joint type="slide" name="lambda" ref=".1"/>
+        <geom size=".05"/><site name="t1"/></body>
     </body>
     <body pos="1 0 1"><freejoint/><geom size=".3"/></body>
     <body pos="2 0 1"><freejoint name="y"/><geom size=".1" name="obj"/></body>
@@ -42,22 +44,26 @@ ODD = """
     <fixed><joint joint="lambda" coef="1"/></fixed>
   </tendon>
   <actuator>
-    <motor joint="no"/><motor joint="no"/><position joint="lambda" kp="5"/><velocity joint="lambda" name="on"/>
+    <motor joint="no"/><motor joint="no"/><position joint="lambda" kp="5"/>
+    <velocity joint="lambda" name="on"/>
     <intvelocity joint="no" actrange="-1 1" actlimited="true" name="iv"/><damper joint="no" ctrlrange="0 1"/>
     <cylinder joint="lambda"/><muscle tendon="ten don" name="mu scle" lengthrange=".2 1.2"/>
-    <adhesion body="é" ctrlrange="0 1"/><general tendon="ten don"/><motor joint="ball" gear="1 0 0" name="bb"/>
+    <adhesion body="é" ctrlrange="0 1"/><general tendon="ten don"/>
+    <motor joint="ball" gear="1 0 0" name="bb"/>
     <motor site="t1" gear="0 0 1 0 0 0"/>
   </actuator>
   <sensor>
     <touch site="s it"/><gyro site="t1" name="gy ro"/><magnetometer site="t1" name="mag"/>
     <force site="t1" name="f"/><torque site="t1" name="tq"/><rangefinder site="t1" name="rf"/>
     <rangefinder camera="cam" name="rfc"/><camprojection site="t1" camera="cam" name="cp"/>
-    <jointpos joint="no" name="jp"/><jointlimitfrc joint="no" name="jl"/><tendonpos tendon="ten don" name="tp"/>
+    <jointpos joint="no" name="jp"/><jointlimitfrc joint="no" name="jl"/>
+    <tendonpos tendon="ten don" name="tp"/>
     <tendonactuatorfrc tendon="ten don" name="taf"/><actuatorfrc actuator="iv" name="af"/>
     <ballquat joint="ball" name="bq"/><ballangvel joint="ball" name="bv"/>
     <framequat objtype="site" objname="t1" name="fq"/><framelinacc objtype="body" objname="é" name="fa"/>
     <subtreeangmom body="é" name="sa"/><insidesite site="t1" objtype="body" objname="é" name="is"/>
-    <distance geom1="obj" body2="é" cutoff="5" name="di"/><fromto geom1="obj" body2="é" cutoff="5" name="ft"/>
+    <distance geom1="obj" body2="é" cutoff="5" name="di"/>
+    <fromto geom1="obj" body2="é" cutoff="5" name="ft"/>
     <normal geom1="obj" body2="é" cutoff="5" name="no"/><e_potential name="ep"/><e_kinetic name="ek"/>
     <clock name="cl"/><user dim="3" name="us"/><contact subtree1="é" name="con" data="found force" num="2"/>
     <jointactuatorfrc joint="no" name="jaf"/><accelerometer site="t1"/><accelerometer site="t1"/>
@@ -98,11 +104,15 @@ def test_a_started_file_of_anything_is_valid_runs_and_names_every_part(tmp_path)
     assert result.survived
     assert result.recording.ticks == 20
     for i in range(model.nsensor):
-        assert f"sensor({model.sensor(i).name}" in text.replace('"', "") or "circuitkit" in model.sensor(i).name
+        assert (
+            f"sensor({model.sensor(i).name}" in text.replace('"', "") or "circuitkit" in model.sensor(i).name
+        )
     for i in range(model.nu):
         name = model.actuator(i).name
         assert f"to: {{{name}: 1}}" in text.replace("'", "")
-    assert "  lambda_: {unit: m, is: 'joint(\"lambda\")'}" in text  # a word of the expressions is no name in them
+    assert (
+        "  lambda_: {unit: m, is: 'joint(\"lambda\")'}" in text
+    )  # a word of the expressions is no name in them
     assert "#   lambda: 100 mm" in text  # where it starts
     assert "  lambda__command: {unit: m, to: {lambda: 1}, limits: [-1 m, 1 m]}" in text
 
@@ -129,7 +139,7 @@ def test_motion_is_that_of_the_mjcf_to_the_last_bit(tmp_path, compiler):
 
 
 def test_geoms_without_a_mass_of_their_own_do_not_stop_a_body_from_having_one(tmp_path):
-    """Where inertia comes from geoms alone, those that are only seen count, and MuJoCo refuses to drop them."""
+    """Where inertia comes from geoms alone, those only seen count, and MuJoCo refuses to drop them."""
     mjcf = """<mujoco><compiler inertiafromgeom="true"/><worldbody><body name="b"><joint name="j"/>
       <geom size=".1" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
     robot = built(tmp_path, mjcf, "")
@@ -165,7 +175,9 @@ def test_parts_without_a_name_get_one(tmp_path):
     }
     channels = "channels:\n  a: {unit: m, is: joint(joint_0)}\n  b: {unit: rad, is: sensor(sensor_0)}\n"
     commands = "commands:\n  push: {unit: 1, to: {elbow: 1, elbow_: -1}}\n"
-    np.testing.assert_array_equal(built(tmp_path, NAMELESS, channels + commands).commands["push"].factors, [1, -1])
+    np.testing.assert_array_equal(
+        built(tmp_path, NAMELESS, channels + commands).commands["push"].factors, [1, -1]
+    )
 
 
 def test_a_component_is_one_that_the_sensor_has(tmp_path):
@@ -196,7 +208,9 @@ def test_defaults_of_the_mjcf_do_not_touch_servos_of_the_robot_file(tmp_path):
 def test_a_sensor_of_a_replaced_actuator_reads_the_servo(tmp_path):
     mjcf = NAMELESS.replace('<motor joint="elbow"/>', '<motor name="m" joint="elbow"/>', 1)
     mjcf = mjcf.replace("<sensor>", '<sensor><actuatorfrc name="torque" actuator="m"/>')
-    channels = "channels: {torque: {unit: N*m, is: sensor(torque)}, force: {unit: N*m, is: actuator_force(elbow)}}\n"
+    channels = (
+        "channels: {torque: {unit: N*m, is: sensor(torque)}, force: {unit: N*m, is: actuator_force(elbow)}}\n"
+    )
     robot = built(tmp_path, mjcf, SERVO + channels)
     data = mujoco.MjData(robot.model)
     data.ctrl[:] = 0.1
@@ -223,7 +237,8 @@ def test_a_time_step_that_does_not_divide_is_answered_with_one_that_does(tmp_pat
     with pytest.raises(InputError) as caught:
         simulate(tmp_path / "scenario.yaml")
     assert str(caught.value).endswith(
-        "scenario.yaml:3:15: control_step: found a control step of 20 ms; allowed: a multiple of the model's time "
+        "scenario.yaml:3:15: control_step: found a control step of 20 ms; allowed: a multiple of the model's "
+        "time "
         "step of 3 ms, such as 18 ms or 21 ms; or set timestep: 2.5 ms in the robot file"
     )
 
@@ -234,7 +249,9 @@ def test_warnings_of_mujoco_come_once_as_lines_that_name_the_file(tmp_path, capl
         for _ in range(2):
             built(tmp_path, mjcf, "")
     (said,) = [record.getMessage() for record in caplog.records]
-    assert said.startswith(f"{tmp_path / 'model.xml'}: MuJoCo says: compiler attribute 'settotalmass' is deprecated")
+    assert said.startswith(
+        f"{tmp_path / 'model.xml'}: MuJoCo says: compiler attribute 'settotalmass' is deprecated"
+    )
 
 
 def test_an_unstable_simulation_is_said_and_ends_the_run(tmp_path, monkeypatch):
@@ -242,13 +259,18 @@ def test_an_unstable_simulation_is_said_and_ends_the_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log into the working directory
     mjcf = NAMELESS.replace("<mujoco>", '<mujoco><option timestep="0.1" integrator="Euler"/>')
     mjcf = mjcf.replace('<joint type="slide"/>', '<joint type="slide" stiffness="1e6" springref="1"/>')
-    started(tmp_path, mjcf, SCENARIO.replace("15 ms", "100 ms").replace("0.3 s", "20 s") + "measures: {t: max(t)}\n")
+    started(
+        tmp_path,
+        mjcf,
+        SCENARIO.replace("15 ms", "100 ms").replace("0.3 s", "20 s") + "measures: {t: max(t)}\n",
+    )
     result = simulate(tmp_path / "scenario.yaml")
     ended = result.recording.ended_s()
     assert not result.survived
     assert result.outcome == f"became unstable at {ended:.2f} s"
     assert result.notes == (
-        f"the simulation became unstable at {ended:.3f} s; a smaller timestep, less stiff servos or more damping "
+        f"the simulation became unstable at {ended:.3f} s; a smaller timestep, less stiff servos or more "
+        "damping "
         "may help",
     )
     assert result.measures["t"] == pytest.approx(ended)

@@ -1,4 +1,4 @@
-"""Every kind of disturbance on small robots: impulses, levers, noise by its statistics, faults tick by tick."""
+"""Every kind of disturbance on small robots: impulses, levers, statistics of noise, faults tick by tick."""
 
 from __future__ import annotations
 
@@ -60,13 +60,17 @@ def spin(recording, robot=0):
     force=st.floats(0.1, 30), duration=st.floats(0.001, 0.3), start=st.floats(0, 0.15),
     direction=st.sampled_from(["forward", "left", "down", "30 deg", "-2 rad"]),
 )  # fmt: skip
-def test_a_push_gives_its_impulse_over_the_mass_whenever_it_starts_and_ends(puck, force, duration, start, direction):
+def test_a_push_gives_its_impulse_over_the_mass_whenever_it_starts_and_ends(
+    puck, force, duration, start, direction
+):
     push = Push(body="puck", force=force, direction=direction, duration=duration, start=start)
     angle = {"30 deg": math.radians(30), "-2 rad": -2.0}.get(direction)
     way = {"forward": [1, 0, 0], "left": [0, 1, 0], "down": [0, 0, -1]}.get(direction)
     way = [math.cos(angle), math.sin(angle), 0] if way is None else way
     recording = run(puck, disturbances=[push])
-    np.testing.assert_allclose(velocity(recording), force * duration / 2 * np.array(way), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        velocity(recording), force * duration / 2 * np.array(way), rtol=1e-6, atol=1e-9
+    )
     np.testing.assert_allclose(spin(recording), 0, atol=1e-12)
     assert recording.push_n[:, 0].sum() * 0.01 == pytest.approx(force * duration)
 
@@ -78,7 +82,9 @@ def test_a_push_at_a_point_turns_by_r_times_f(puck, at, direction):
     push = Push(body="puck", force=0.2, direction=direction, duration=0.02, at=at, start=0.0)
     recording = run(puck, disturbances=[push], duration_s=0.03)
     way = {"forward": [1, 0, 0], "left": [0, 1, 0], "up": [0, 0, 1]}[direction]
-    np.testing.assert_allclose(spin(recording), np.cross(at, way) * 0.2 * 0.02 / INERTIA, rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(
+        spin(recording), np.cross(at, way) * 0.2 * 0.02 / INERTIA, rtol=1e-3, atol=1e-5
+    )
     np.testing.assert_allclose(velocity(recording), np.array(way) * 0.2 * 0.02 / 2, atol=1e-9)
 
 
@@ -99,7 +105,9 @@ def test_a_torque_turns_about_its_direction_and_moves_nothing(puck):
 
 
 def test_pushes_on_one_body_add_up_and_each_robot_has_its_own_seed(puck):
-    pushes = [Push(body="puck", force=3.0, direction=way, duration=0.1, start=0.05) for way in ("forward", "left")]
+    pushes = [
+        Push(body="puck", force=3.0, direction=way, duration=0.1, start=0.05) for way in ("forward", "left")
+    ]
     recording = run(puck, disturbances=[Jitter(start=0.03), *pushes], seeds=(1, 2))
     for robot in (0, 1):
         np.testing.assert_allclose(velocity(recording, robot), [0.15, 0.15, 0], rtol=1e-6, atol=1e-12)
@@ -142,7 +150,9 @@ def test_noise_in_a_sensor_is_in_all_that_is_computed_from_it(cart):
 
 def test_drift_keeps_its_deviation_and_forgets_with_its_time_constant(cart):
     """An Ornstein-Uhlenbeck process: correlation exp(-lag / tau)."""
-    noise = noise_of(cart, Noise(channel="place", std="1 mm", drift=0.1), channels=("place",), seeds=range(40))[..., 0]
+    noise = noise_of(
+        cart, Noise(channel="place", std="1 mm", drift=0.1), channels=("place",), seeds=range(40)
+    )[..., 0]
     assert noise.std() == pytest.approx(0.001, rel=0.08)
     for lag in (1, 5, 10):
         found = (noise[lag:] * noise[:-lag]).mean() / noise.var()
@@ -190,12 +200,14 @@ def test_zero_stuck_and_spike(cart, channel):
     span = {"channel": channel, "start": 0.2, "duration": 0.1}
     inside = slice(19, 29)  # ticks 20 to 29; the first tick has no reading before
     for reading, change in (
-        ("zero", lambda true: np.zeros_like(true)),
+        ("zero", np.zeros_like),
         ("stuck", lambda true: np.broadcast_to(true[:1], true.shape)),
         ("spike", lambda true: true + 0.05),
     ):
         seen, true = read(
-            cart, Fault(reading=reading, **span, **({"value": "5 cm"} if reading == "spike" else {})), channels=(channel,)
+            cart,
+            Fault(reading=reading, **span, **({"value": "5 cm"} if reading == "spike" else {})),
+            channels=(channel,),
         )
         np.testing.assert_allclose(seen[inside], change(true[inside]), atol=1e-15)
         outside = np.ones(len(true), dtype=bool)
@@ -205,7 +217,9 @@ def test_zero_stuck_and_spike(cart, channel):
 
 
 def test_dropped_ticks_are_missing_with_their_chance_each_robot_by_itself(cart):
-    seen, _ = read(cart, Fault(channel="place", reading="dropped", chance=0.3), duration_s=4.0, seeds=tuple(range(6)))
+    seen, _ = read(
+        cart, Fault(channel="place", reading="dropped", chance=0.3), duration_s=4.0, seeds=tuple(range(6))
+    )
     missing = np.isnan(seen[..., 0])
     np.testing.assert_allclose(missing.mean(axis=0), 0.3, atol=0.09)
     assert missing.mean() == pytest.approx(0.3, abs=0.04)
@@ -264,17 +278,25 @@ def test_spells_of_actuators_overlap_and_leave_nothing_behind(cart):
         Actuator(actuator="m*", strength=0.1, start=0.2, duration=0.2),
     )
     ticks = np.arange(50)
-    expected = 2.0 * np.where((ticks >= 10) & (ticks < 30), 0.5, 1.0) * np.where((ticks >= 20) & (ticks < 40), 0.1, 1.0)
+    expected = (
+        2.0
+        * np.where((ticks >= 10) & (ticks < 30), 0.5, 1.0)
+        * np.where((ticks >= 20) & (ticks < 40), 0.1, 1.0)
+    )
     np.testing.assert_allclose(found, expected)
 
 
 def test_a_soft_servo_yields_more_and_keeps_its_damping(tmp_path):
-    """A pole that hangs from a servo against its weight: sin-free, for a horizontal pole the torque is constant."""
-    mjcf = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="arm"><joint name="j" axis="0 1 0" damping="5"/>
+    """A servo that holds a pole against its weight: k times the sag is m g l cos(sag)."""
+    mjcf = """<mujoco><option gravity="0 0 -9.81"/><worldbody>
+      <body name="arm"><joint name="j" axis="0 1 0" damping="5"/>
       <geom type="sphere" pos="1 0 0" size=".01" mass="1"/></body></worldbody></mujoco>"""
     servos = [{"joints": ["j"], "stiffness": "500 N*m/rad", "damping": "20 N*m*s/rad", "torque": "100 N*m"}]
     robot = small_robot(tmp_path, mjcf, servos=servos, channels={"j": {"unit": "rad", "is": "joint(j)"}})
-    sags = [run(robot, disturbances=each, duration_s=3.0).channel("j")[-1, 0] for each in ([], [Actuator(stiffness=0.5)])]
+    sags = [
+        run(robot, disturbances=each, duration_s=3.0).channel("j")[-1, 0]
+        for each in ([], [Actuator(stiffness=0.5)])
+    ]
     for sag, stiffness in zip(sags, (500, 250), strict=True):
         assert stiffness * sag == pytest.approx(GRAVITY * math.cos(sag), rel=1e-3)
 
@@ -284,7 +306,12 @@ def test_a_soft_servo_yields_more_and_keeps_its_damping(tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "mass"),
-    [(Body(), 2.0), (Body(mass=1.5), 3.0), (Body(body="puck", mass=0.5), 1.0), (Body(body="puck", payload=3.0), 5.0)],
+    [
+        (Body(), 2.0),
+        (Body(mass=1.5), 3.0),
+        (Body(body="puck", mass=0.5), 1.0),
+        (Body(body="puck", payload=3.0), 5.0),
+    ],
 )
 def test_a_body_has_another_mass(puck, change, mass):
     push = Push(body="puck", force=4.0, direction="forward", duration=0.1, start=0.0)
@@ -297,7 +324,8 @@ BLOCK = """
   <option timestep="0.002" cone="elliptic" impratio="10"/>
   <worldbody>
     <geom name="floor" type="plane" size="9 9 .1" friction="0.6"/>
-    <body name="block" pos="0 0 .1"><freejoint/><geom name="cube" type="box" size=".2 .2 .1" mass="2" friction="0.6"/></body>
+    <body name="block" pos="0 0 .1"><freejoint/>
+      <geom name="cube" type="box" size=".2 .2 .1" mass="2" friction="0.6"/></body>
   </worldbody>
 </mujoco>
 """
@@ -305,10 +333,12 @@ BLOCK = """
 
 @pytest.mark.parametrize(("body", "friction"), [("*", 0.2), ("block", 0.2), ("block", 0.9)])
 def test_a_block_on_a_slope_slides_if_its_friction_is_less_than_the_tangent(tmp_path, body, friction):
-    """With a = g (sin - mu cos), downhill; a body's own friction counts, be it more or less than the floor's."""
+    """With a = g (sin - mu cos), downhill; a body's own friction counts, more or less than the floor's."""
     robot = small_robot(tmp_path, BLOCK, channels={"v": {"unit": "m/s", "is": "velocity(block, x)"}})
     angle = math.radians(20)
-    found = run(robot, disturbances=[Body(body=body, friction=friction), Slope(forward=angle)], duration_s=1.0)
+    found = run(
+        robot, disturbances=[Body(body=body, friction=friction), Slope(forward=angle)], duration_s=1.0
+    )
     v = found.channel("v")[:, 0]
     acceleration = (v[-1] - v[49]) / 0.5
     expected = -GRAVITY * max(math.sin(angle) - friction * math.cos(angle), 0.0)
@@ -317,10 +347,14 @@ def test_a_block_on_a_slope_slides_if_its_friction_is_less_than_the_tangent(tmp_
 
 def test_a_slope_turns_gravity_and_leaves_its_size(puck, tmp_path):
     robot = small_robot(tmp_path, PUCK.replace('gravity="0 0 0"', ""), **PUCK_FILE)
-    recording = run(robot, disturbances=[Slope(forward=math.radians(10), left=math.radians(-5))], duration_s=0.2)
+    recording = run(
+        robot, disturbances=[Slope(forward=math.radians(10), left=math.radians(-5))], duration_s=0.2
+    )
     rise = np.array([math.sin(math.radians(10)), math.sin(math.radians(-5))])
     down = -np.array([*rise, math.sqrt(1 - rise @ rise)])
-    np.testing.assert_allclose(velocity(recording), GRAVITY * down * 0.199, rtol=1e-9)  # sensors are a time step old
+    np.testing.assert_allclose(
+        velocity(recording), GRAVITY * down * 0.199, rtol=1e-9
+    )  # sensors are a time step old
     assert not velocity(run(puck, disturbances=[Slope(forward=0.1)])).any()
 
 
@@ -370,7 +404,13 @@ def test_jitter_starts_each_robot_otherwise_and_the_same_seed_the_same(puck):
 
 
 def test_jitter_of_joints_and_of_a_base_on_rails(cart):
-    many = run(cart, disturbances=[Jitter(joints=0.1, position=0.3)], seeds=tuple(range(200)), duration_s=0.002, step_s=0.002)
+    many = run(
+        cart,
+        disturbances=[Jitter(joints=0.1, position=0.3)],
+        seeds=tuple(range(200)),
+        duration_s=0.002,
+        step_s=0.002,
+    )
     slide, hinge = many.qpos[0].T
     assert np.abs(slide).max() <= 0.3 + 1e-3
     assert hinge.std() == pytest.approx(0.1, rel=0.15)
@@ -395,7 +435,11 @@ def test_an_object_is_set_down_and_thrown(puck):
 
 
 def test_a_mocap_body_can_be_set_and_not_thrown(tmp_path):
-    mjcf = PUCK.replace("<body", '<body mocap="true" name="sign"><geom size=".01" contype="0" conaffinity="0"/></body><body', 1)
+    mjcf = PUCK.replace(
+        "<body",
+        '<body mocap="true" name="sign"><geom size=".01" contype="0" conaffinity="0"/></body><body',
+        1,
+    )
     robot = small_robot(tmp_path, mjcf, channels={"x": {"unit": "m", "is": "position(sign, x)"}})
     place = run(robot, disturbances=[Move(body="sign", position=(1, 0, 0), start=0.2)]).channel("x")[:, 0]
     np.testing.assert_array_equal(place, np.arange(50) >= 20)
@@ -411,9 +455,11 @@ def test_a_batch_of_n_is_n_single_robots_to_the_bit(cart):
     every = [
         Jitter(joints=0.1, position=0.1, start=0.05),
         Noise(std={"place": "1 mm", "twice": "2 mm", "angle": "1 deg"}),
-        Noise(channel="speed", std="1 cm/s", drift=0.1), Fault(channel="place", reading="dropped", chance=0.2),
+        Noise(channel="speed", std="1 cm/s", drift=0.1),
+        Fault(channel="place", reading="dropped", chance=0.2),
         Fault(channel="angle", reading="stuck", start=0.3, duration=0.1), Delay(channel="speed", by=0.02),
-        Delay(command="force", by=0.01), Push(body="pole", force=1.0, direction="forward", duration=0.1, start=0.1),
+        Delay(command="force", by=0.01),
+        Push(body="pole", force=1.0, direction="forward", duration=0.1, start=0.1),
         Actuator(strength=0.5, start=0.2, duration=0.1),
     ]  # fmt: skip
     names, seeds = ["place", "twice", "angle", "speed"], (3, 1, 4, 1, 5)

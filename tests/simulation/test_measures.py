@@ -1,4 +1,4 @@
-"""Measures: every reduction against numpy, conditions, bounds, units, what ends a run; and every complaint."""
+"""Measures: every reduction against numpy, conditions, bounds, units, what ends a run; and complaints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.formulas import Track, parse_measure
 
 DT = 0.01
-UNITS = {"x": parse_unit("m"), "y": parse_unit("m"), "v": parse_unit("m/s"), "load": parse_unit("N"), "n": parse_unit("1")}
+UNITS = {
+    "x": parse_unit("m"),
+    "y": parse_unit("m"),
+    "v": parse_unit("m/s"),
+    "load": parse_unit("N"),
+    "n": parse_unit("1"),
+}
 series = arrays(float, st.integers(1, 60), elements=st.floats(-100, 100).map(lambda value: round(value, 3)))
 
 
@@ -23,7 +29,7 @@ def track(ended=False, bounds=None, first=0, **values):
     shape = next(iter(values.values())).shape
     return Track(
         step_s=DT, first=first, shape=shape, ended=ended, values=values.__getitem__,
-        bounds=lambda name: (bounds or {}).get(name), push_s=np.nan, pace_s=0.0,
+        bounds=(bounds or {}).get, push_s=np.nan, pace_s=0.0,
     )  # fmt: skip
 
 
@@ -79,7 +85,10 @@ def test_reductions_and_plain_numbers_join(x):
 
 @given(x=series)
 def test_at_every_tick_a_reduction_knows_what_was_so_far(x):
-    for name, so_far in (("max", np.maximum.accumulate(x)), ("mean", np.cumsum(x) / np.arange(1, len(x) + 1))):
+    for name, so_far in (
+        ("max", np.maximum.accumulate(x)),
+        ("mean", np.cumsum(x) / np.arange(1, len(x) + 1)),
+    ):
         np.testing.assert_allclose(parse_measure(f"{name}(x)", UNITS).series(track(x=x)), so_far, atol=1e-9)
 
 
@@ -109,7 +118,8 @@ def test_time_is_that_of_the_end_of_a_tick_and_ended_is_the_last_one():
 @pytest.mark.parametrize(
     ("text", "truth"),
     [
-        ("max(x) > 2 m", True), ("max(x) > 2 m and min(x) > 2 m", False), ("max(x) > 2 m or min(x) > 2 m", True),
+        ("max(x) > 2 m", True), ("max(x) > 2 m and min(x) > 2 "
+            "m", False), ("max(x) > 2 m or min(x) > 2 m", True),
         ("not max(x) > 2 m", False), ("count(x > 2 m) > 0", True), ("last(x > 2 m)", False),
     ],
 )  # fmt: skip
@@ -132,7 +142,8 @@ def test_robots_of_a_batch_are_measured_side_by_side():
     [
         ("max(x)", "m"), ("total(x)", "m*s"), ("total(v)", "m"), ("duration(x > 1 m)", "s"),
         ("count(x > 1 m)", "1"), ("time_of(x > 1 m)", "s"), ("max(outside(x, 0 m, 1 m))", "m"),
-        ("total(hypot(v, v))", "m"), ("max(load) / 2 N", "1"), ("mean(x) / max(t)", "m/s"), ("rms(load) * max(x)", "N*m"),
+        ("total(hypot(v, v))", "m"), ("max(load) / 2 N", "1"), ("mean(x) / max(t)", "m/s"),
+        ("rms(load) * max(x)", "N*m"),
     ],
 )  # fmt: skip
 def test_the_unit_of_a_measure_follows_from_its_channels(text, unit):
@@ -142,13 +153,18 @@ def test_the_unit_of_a_measure_follows_from_its_channels(text, unit):
 @pytest.mark.parametrize(
     ("text", "offset", "said"),
     [
-        ("max(x) + max(load)", 0, "found 'max(x) + max(load)', which joins m and N; allowed: the same on all sides"),
-        ("1 m + total(x)", 0, "found '1 m + total(x)', which joins m and m*s; allowed: the same on all sides"),
+        ("max(x) + max(load)", 0, "found 'max(x) + max(load)', which joins m and N; allowed: the same on all "
+            "sides"),
+        ("1 m + total(x)", 0, "found '1 m + total(x)', which joins m and m*s; allowed: the same on all "
+            "sides"),
         ("max(x > 1 N)", 4, "found 'x > 1 N', which joins m and N; allowed: the same on all sides"),
-        ("max(outside(x, 0, 1 N))", 4, "found 'outside(x, 0, 1 N)', which joins length and force; allowed: the same on all sides"),
+        ("max(outside(x, 0, 1 N))", 4, "found 'outside(x, 0, 1 N)', which joins length and force; allowed: "
+            "the same on all sides"),
         ("duration(x)", 0, "found 'duration(x)'; allowed: a condition there, such as duration(x > 0)"),
-        ("2 * count(1 + x / 1 m)", 4, "found 'count(1 + x / 1 m)'; allowed: a condition there, such as count(x > 0)"),
-        ("max(outside(x))", 4, "found 'outside(x)', whose bounds are not known; allowed: outside(x, low, high)"),
+        ("2 * count(1 + x / 1 m)", 4, "found 'count(1 + x / 1 m)'; allowed: a condition there, such as "
+            "count(x > 0)"),
+        ("max(outside(x))", 4, "found 'outside(x)', whose bounds are not known; allowed: outside(x, low, "
+            "high)"),
         (
             "max(outside(x, 1 m))", 4,
             "found outside with 2 arguments; allowed: outside(x, low, high), or outside(channel)",
@@ -179,7 +195,13 @@ def pushed(cart, until, seconds=1.0, **fields):
 
 
 @pytest.mark.parametrize(
-    "until", ["place > 5 cm", "abs(place - first(place)) > 5 cm", "max(place) > 5 cm", "place > 5 cm or angle > 9 rad"]
+    "until",
+    [
+        "place > 5 cm",
+        "abs(place - first(place)) > 5 cm",
+        "max(place) > 5 cm",
+        "place > 5 cm or angle > 9 rad",
+    ],
 )
 def test_a_run_ends_in_the_tick_in_which_its_condition_first_holds(cart, until):
     """Also where it looks back, by `first` or by more."""
@@ -211,7 +233,12 @@ def test_measures_stop_where_the_run_ended(cart):
 
 
 def test_measures_may_name_commands_references_and_parts(cart):
-    measures = {"effort": "rms(force)", "unused": "max(angle)", "tip": "max(position(tip, z))", "gap": "min(distance(cart, tip))"}
+    measures = {
+        "effort": "rms(force)",
+        "unused": "max(angle)",
+        "tip": "max(position(tip, z))",
+        "gap": "min(distance(cart, tip))",
+    }
     recording = pushed(cart, None, measures=measures)
     found = recording.measures[0]
     assert found["effort"] == pytest.approx(2.0)
@@ -231,7 +258,8 @@ def test_survived_may_be_something_else(cart):
 def test_a_channel_that_a_measure_and_the_controller_read_is_seen_without_noise_by_the_measure(cart):
     measures = {"most": "max(place)"}
     quiet, loud = (
-        pushed(cart, None, measures=measures, disturbances=noise) for noise in ([], [Noise(channel="place", std="1 m")])
+        pushed(cart, None, measures=measures, disturbances=noise)
+        for noise in ([], [Noise(channel="place", std="1 m")])
     )
     assert quiet.measures == loud.measures
 
@@ -240,7 +268,62 @@ def test_a_channel_that_a_measure_and_the_controller_read_is_seen_without_noise_
     ("fields", "said"),
     [
         ({"until": "place"}, "until: found 'place'; allowed: a condition, such as height < 0.2 m"),
-        ({"until": "place > 1 N"}, "until: found 'place > 1 N', which joins m and N; allowed: the same on all sides"),
+        ({"until": "place > 1 N"}, "until: found 'place > 1 N', which joins m and N; allowed: the same on "
+            "all "
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            "sides"),
         (
             {"measures": {"a": "max(position(tips, z))"}},
             "measures.a: the MJCF has no body or site or geom or camera 'tips'; "

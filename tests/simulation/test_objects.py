@@ -1,4 +1,4 @@
-"""Scenarios of Python objects: the same as those of files, to the bit; controllers, references, circuits, plug-ins."""
+"""Scenarios of Python objects, the same as those of files to the bit; controllers, references, plug-ins."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ connect: {inputs: {lean: angle}, outputs: {motor_force: force}}
 duration: 0.8 s
 disturbances:
   - jitter: {start: 20 ms, joints: 2 deg}
-  - push: {body: pole, force: 2 N, direction: forward, duration: 100 ms, start: 200 ms, at: [0 m, 0 m, -10 cm]}
+  - push: {body: pole, force: 2 N, direction: forward, duration: 0.1 s, start: 0.2 s, at: [0 m, 0 m, -10 cm]}
   - noise: {channel: angle, std: 0.5 deg}
 until: abs(place) > 40 cm
 measures: {way: max(abs(place)), survived: not ended}
@@ -89,7 +89,9 @@ def objects(its_robot, **changes):
 
 def same_bits(one, other):
     for name in ("readings", "qpos", "observations", "commands", "trace"):
-        np.testing.assert_array_equal(getattr(one, name).view(np.int64), getattr(other, name).view(np.int64), err_msg=name)
+        np.testing.assert_array_equal(
+            getattr(one, name).view(np.int64), getattr(other, name).view(np.int64), err_msg=name
+        )
 
 
 # --- as in a file -------------------------------------------------------------------------------------------
@@ -196,7 +198,11 @@ def test_any_object_with_the_protocol_is_a_controller(cart):
     """
     spring = Spring(80.0)
     assert isinstance(spring, Controller)
-    result = simulate(Scenario(robot=cart, controller=spring, control_step=0.002, duration=2.0, reference=Hold({"slide": "5 mm"})))
+    result = simulate(
+        Scenario(
+            robot=cart, controller=spring, control_step=0.002, duration=2.0, reference=Hold({"slide": "5 mm"})
+        )
+    )
     place = result.recording.channel("place")[:, 0]
     crossings = np.flatnonzero(np.diff(np.signbit(place)))
     period = 2 * np.diff(crossings).mean() * 0.002
@@ -222,7 +228,11 @@ def test_controllers_are_compared_under_the_same_disturbances(files, tmp_path, m
 
     monkeypatch.setattr(plots, "draw_result", lambda *_: None)
     monkeypatch.setattr(plots, "draw_comparison", lambda *_: None)
-    results = compare(files / "caught.yaml", ["circuit", "open_loop", Told(force=0.5), Told(force=0.5)], output=tmp_path / "out")
+    results = compare(
+        files / "caught.yaml",
+        ["circuit", "open_loop", Told(force=0.5), Told(force=0.5)],
+        output=tmp_path / "out",
+    )
     assert [each.path.parent.name for each in results] == ["circuit", "open_loop", "told", "told_2"]
     np.testing.assert_array_equal(results[2].recording.qpos, results[3].recording.qpos)
     pushes = [each.recording.push_n[:30] for each in results]
@@ -230,9 +240,14 @@ def test_controllers_are_compared_under_the_same_disturbances(files, tmp_path, m
 
 
 def test_a_controller_that_reads_what_there_is_not(cart):
-    with pytest.raises(UnknownNameError, match="unknown channel 'plac'; allowed: place, speed, angle, twice, pull; did you mean 'place'"):
+    with pytest.raises(
+        UnknownNameError,
+        match="unknown channel 'plac'; allowed: place, speed, angle, twice, pull; did you mean 'place'",
+    ):
         run(cart, Told(["plac"]))
-    with pytest.raises(UnknownNameError, match="unknown command of the robot 'forc'; allowed: force; did you mean 'force'"):
+    with pytest.raises(
+        UnknownNameError, match="unknown command of the robot 'forc'; allowed: force; did you mean 'force'"
+    ):
         run(cart, Told(forc=1.0))
 
 
@@ -262,9 +277,12 @@ def complaint(files, old, new):
 
 
 def test_without_connect_names_must_be_equal(files):
-    said = complaint(files, "connect: {inputs: {lean: angle}, outputs: {motor_force: force}}\n", "").splitlines()
+    said = complaint(
+        files, "connect: {inputs: {lean: angle}, outputs: {motor_force: force}}\n", ""
+    ).splitlines()
     assert said == [
-        "catcher.yaml:5:10: inputs.lean: the robot has no channel 'lean'; allowed: place, speed, angle, twice, pull; "
+        "catcher.yaml:5:10: inputs.lean: the robot has no channel 'lean'; allowed: place, speed, angle, "
+        "twice, pull; "
         "connect: {inputs: {lean: NAME}} in the scenario joins another name",
         "catcher.yaml:10:11: outputs.motor_force: the robot has no command 'motor_force'; allowed: force; "
         "did you mean 'force'?",
@@ -304,7 +322,9 @@ def test_a_wrong_connection_is_told_with_its_place(files, old, new, said):
 
 
 def test_an_input_and_an_output_may_be_joined_to_the_same_names_as_another_circuits(cart):
-    both = CircuitController(parse_circuit(CIRCUIT), connect={"inputs": {"lean": "angle"}, "outputs": {"motor_force": "force"}})
+    both = CircuitController(
+        parse_circuit(CIRCUIT), connect={"inputs": {"lean": "angle"}, "outputs": {"motor_force": "force"}}
+    )
     recording = run(cart, both, reference=Hold({"hinge": "10 deg"}))
     assert recording.observation_names == ("angle",)
     assert recording.command_names == ("force",)
@@ -331,10 +351,13 @@ def test_key_starts_there_and_holds_its_controls(cart):
 @pytest.mark.parametrize(
     ("reference", "said"),
     [
-        (Hold({"hing": "1 deg"}), "reference.hold.hing: the MJCF has no hinge or slide 'hing'; allowed: slide, hinge; "
+        (Hold({"hing": "1 deg"}), "reference.hold.hing: the MJCF has no hinge or slide 'hing'; allowed: "
+            "slide, hinge; "
          "did you mean 'hinge'?"),
-        (Hold({"slide": "1 deg"}), "reference.hold.slide: found '1 deg'; allowed: a quantity in m or like it"),
-        (Key("swing"), "reference.key: the MJCF has no keyframe 'swing'; allowed: swung, home; did you mean 'swung'?"),
+        (Hold({"slide": "1 deg"}), "reference.hold.slide: found '1 deg'; allowed: a quantity in m or like "
+            "it"),
+        (Key("swing"), "reference.key: the MJCF has no keyframe 'swing'; allowed: swung, home; did you mean "
+            "'swung'?"),
     ],
 )  # fmt: skip
 def test_a_reference_that_does_not_fit_the_robot(cart, reference, said):
@@ -355,7 +378,9 @@ class Wave(Reference):
     def motion(self, robot, ticks, step_s):
         wanted = np.sin(2 * np.pi * np.arange(ticks) * step_s)
         planned = {"wanted": PlannedChannel(parse_unit("N"), wanted)}
-        return Motion(wanted[:, np.newaxis], robot.start_qpos, planned, {"beat": np.arange(ticks) % 20}, pace_s=1.0)
+        return Motion(
+            wanted[:, np.newaxis], robot.start_qpos, planned, {"beat": np.arange(ticks) % 20}, pace_s=1.0
+        )
 
 
 def test_a_reference_of_ones_own_brings_targets_moments_directions_and_channels(cart):
@@ -364,7 +389,9 @@ def test_a_reference_of_ones_own_brings_targets_moments_directions_and_channels(
                         measures={"most": "max(wanted)", "error": "rms(pull - wanted)"})  # fmt: skip
     plan = make_plan(scenario)
     assert plan.body.step_s == 0.004
-    recording = run(cart, reference=Wave(), step_s=None, duration_s=0.4, disturbances=[push], measures=scenario.measures)
+    recording = run(
+        cart, reference=Wave(), step_s=None, duration_s=0.4, disturbances=[push], measures=scenario.measures
+    )
     assert recording.ticks == 100
     assert recording.effects.windows_s[0] == pytest.approx([0.1, 0.15])
     assert recording.measures[0]["most"] == pytest.approx(1.0, abs=1e-3)
@@ -379,7 +406,8 @@ def test_a_direction_that_the_reference_does_not_know(cart):
     with pytest.raises(InputError) as caught:
         run(cart, disturbances=[push])
     assert str(caught.value) == (
-        "disturbances[0].push.direction: unknown direction 'along'; allowed: forward, backward, left, right, up, down, "
+        "disturbances[0].push.direction: unknown direction 'along'; allowed: forward, backward, left, right, "
+        "up, down, "
         "or an angle such as '15 deg'"
     )
 
@@ -503,7 +531,8 @@ def test_kinds_of_others_are_words_of_a_scenario_like_our_own(plugged, files, ca
     (files / "pusher.yaml").write_text("controller: mine\nkind: pusher\nforce: 2 N\n", encoding="utf-8")
     path = files / "own.yaml"
     path.write_text(
-        "scenario: own\nrobot: robot.yaml\nreference: {tilted: 0.25}\ncontroller: pusher.yaml\ncontrol_step: 10 ms\n"
+        "scenario: own\nrobot: robot.yaml\nreference: {tilted: 0.25}\ncontroller: pusher.yaml\ncontrol_step: "
+        "10 ms\n"
         "duration: 0.5 s\ndisturbances: [{kick: {by: 3 N}}]\nmeasures: {middle: {}, way: max(place)}\n",
         encoding="utf-8",
     )
@@ -519,7 +548,64 @@ def test_kinds_of_others_are_words_of_a_scenario_like_our_own(plugged, files, ca
 
 def test_an_unknown_kind_lists_those_of_others_too(plugged, files):  # noqa: ARG001 - registers them
     said = complaint(files, "  - noise", "  - kik: {by: 1 N}\n  - noise")
-    assert said.endswith("allowed: actuator, body, current, delay, fault, jitter, kick, move, noise, push, slope; did you mean 'kick'?")
+    assert said.endswith(
+        "allowed: actuator, body, current, delay, fault, jitter, kick, move, noise, push, slope; did you "
+        "mean "
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        "'kick'?"
+    )
     said = complaint(files, "{hold: {hinge: 20 deg}}", "{tiltd: 1}")
     assert "allowed: gait, hold, key, stand, tilted; did you mean 'tilted'?" in said
 

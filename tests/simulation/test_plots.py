@@ -64,7 +64,8 @@ def caught(cart):
 @pytest.mark.parametrize(
     ("direction", "force", "text"),
     [
-        ("left", 12.5, "12.5 N to the left"), ("forward", 7.0, "7 N forward"), ("backward", 30.0, "30 N backward"),
+        ("left", 12.5, "12.5 N to the left"), ("forward", 7.0, "7 N forward"),
+        ("backward", 30.0, "30 N backward"),
         ("right", 2.0, "2 N to the right"), ("up", 1.0, "1 N upward"), ("down", 1.0, "1 N downward"),
     ],
 )  # fmt: skip
@@ -79,7 +80,9 @@ def test_pushes_in_words_with_their_exact_times(puck, direction, force, text):
 
 def test_pushes_come_in_their_order_and_only_those_that_were_reached(cart):
     starts = (0.4, 0.1, 0.3)
-    pushes = [Push(body="cart", force=1.0, direction="forward", duration=0.05, start=start) for start in starts]
+    pushes = [
+        Push(body="cart", force=1.0, direction="forward", duration=0.05, start=start) for start in starts
+    ]
     recording = run(cart, Told(["place"]), pushes, until="t > 0.35 s")
     assert recording.ticks > 36  # it is recorded for a while longer
     cut = dataclasses.replace(recording, readings=recording.readings[:36])
@@ -184,7 +187,14 @@ def test_the_files_of_a_run_and_of_a_comparison(caught, puck, tmp_path):
     draw_result(gone, tmp_path / "two")
     draw_comparison([gone, gone], tmp_path)
     found = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.png"))
-    assert found == ["compare.png", "one/channels.png", "one/neurons.png", "path.png", "two/channels.png", "two/path.png"]
+    assert found == [
+        "compare.png",
+        "one/channels.png",
+        "one/neurons.png",
+        "path.png",
+        "two/channels.png",
+        "two/path.png",
+    ]
     for name in found:
         with Image.open(tmp_path / name) as picture:
             assert min(picture.size) > 200
@@ -194,7 +204,9 @@ def test_the_files_of_a_run_and_of_a_comparison(caught, puck, tmp_path):
 def test_a_run_that_was_stopped_at_once_is_drawn_as_far_as_it_got(caught, ticks, tmp_path):
     fields = ("readings", "qpos", "observations", "commands", "trace")
     parts = {name: getattr(caught.recording, name)[:ticks] for name in fields}
-    result = dataclasses.replace(caught, recording=dataclasses.replace(caught.recording, interrupted=True, **parts))
+    result = dataclasses.replace(
+        caught, recording=dataclasses.replace(caught.recording, interrupted=True, **parts)
+    )
     draw_result(result, tmp_path)
     assert (tmp_path / "channels.png").exists() == (ticks > 1)
 
@@ -217,7 +229,12 @@ def test_columns_are_named_with_their_si_units(caught):
 
 @pytest.mark.parametrize(
     ("name", "unit", "column"),
-    [("eye left", "m", "eye_left_m"), ("turn", "deg", "turn_rad"), ("share", "1", "share"), ("a.b", "N*m", "a_b_n_m")],
+    [
+        ("eye left", "m", "eye_left_m"),
+        ("turn", "deg", "turn_rad"),
+        ("share", "1", "share"),
+        ("a.b", "N*m", "a_b_n_m"),
+    ],
 )
 def test_a_column_is_a_word(name, unit, column):
     assert column_name(name, parse_unit(unit)) == column

@@ -171,7 +171,9 @@ def test_a_gait_that_does_not_fit_the_time_step(mine, tmp_path):
         gait.replace("control_step: 10 ms", "control_step: 5 ms"), encoding="utf-8"
     )
     said = complaints(mine(("gait: gait_march", "gait: quick.yaml")))
-    assert said.startswith("mine.yaml:1:1: control_step: found a control step of 5 ms; allowed: a multiple of ")
+    assert said.startswith(
+        "mine.yaml:1:1: control_step: found a control step of 5 ms; allowed: a multiple of "
+    )
 
 
 def test_a_circuit_that_writes_what_the_robot_does_not_take(mine, tmp_path):

@@ -9,9 +9,11 @@ import pytest
 import yaml
 from walking import scenario
 
-from circuitkit.base.errors import InputError
+from circuitkit.base.errors import InputError, listing
 from circuitkit.base.source import data_files
 from circuitkit.simulation import load_scenario, make_plan, parse_push
+from circuitkit.simulation.disturbance import DISTURBANCES
+from circuitkit.simulation.reference import REFERENCES
 
 SHIPPED = Path(data_files.data_folder("sims")) / "nao_push.yaml"
 TEXT = """\
@@ -131,14 +133,75 @@ WAYS = "forward, backward, left, right, up, down"
     [
         (
             "direction: inward", "direction: 15",
-            f"10:18: disturbances[0].push.direction: unknown direction 15; allowed: {WAYS}, or an angle such as "
+            f"10:18: disturbances[0].push.direction: unknown direction 15; allowed: {WAYS}, or an angle such "
+            "as "
             "'15 deg'",
         ),
         (
             "force: 20 N", "force: 20 kg",
-            "9:14: disturbances[0].push.force: found '20 kg', which is mass; allowed: a quantity such as '20 N'",
+            "9:14: disturbances[0].push.force: found '20 kg', which is mass; allowed: a quantity such as '20 "
+            "N'",
         ),
-        ("force: 20 N", "force: -20 N", "9:14: disturbances[0].push.force: found '-20 N'; allowed: at least 0 N"),
+        ("force: 20 N", "force: -20 N", "9:14: disturbances[0].push.force: found '-20 N'; allowed: at least "
+            "0 "
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            ""
+            "N"),
         (
             "force: 20 N", "force: 20 N\n      torque: 1 N*m",
             "8:7: disturbances[0].push: found both force and torque; allowed: one of them",
@@ -149,12 +212,14 @@ WAYS = "forward, backward, left, right, up, down"
         ),
         (
             "{step: 1, phase: lift, at: 20 %}", "soon",
-            "12:14: disturbances[0].push.start: found 'soon'; allowed: a time such as '5 s', or a moment of the "
+            "12:14: disturbances[0].push.start: found 'soon'; allowed: a time such as '5 s', or a moment of "
+            "the "
             "reference",
         ),
         (
             "reading: missing", "reading: broken",
-            "13:39: disturbances[1].fault.reading: found 'broken'; allowed: missing, zero, stuck, spike, dropped",
+            "13:39: disturbances[1].fault.reading: found 'broken'; allowed: missing, zero, stuck, spike, "
+            "dropped",
         ),
         (
             "reading: missing", "reading: spike",
@@ -169,14 +234,14 @@ WAYS = "forward, backward, left, right, up, down"
         (
             "- jitter", "- jiter",
             "15:5: disturbances[3].jiter: unknown key 'jiter'; "
-            "allowed: actuator, body, current, delay, fault, jitter, move, noise, push, slope; "
-            "did you mean 'jitter'?",
+            f"allowed: {listing(DISTURBANCES.kinds)}; did you mean 'jitter'?",
         ),
         (
             "seed: 0", "  - {}",
             "16:5: disturbances[4]: found nothing; allowed: one kind of disturbance, such as push: {…}",
         ),
-        ("seed: 0", "  - body: {mass: 0 %}", "16:18: disturbances[4].body.mass: found '0 %'; allowed: more than 0 %"),
+        ("seed: 0", "  - body: {mass: 0 %}", "16:18: disturbances[4].body.mass: found '0 %'; allowed: more "
+            "than 0 %"),
         (
             "seed: 0", "  - slope: {forward: 45 deg}",
             "16:22: disturbances[4].slope.forward: found '45 deg'; allowed: at most 30 deg",
@@ -226,7 +291,8 @@ WAYS = "forward, backward, left, right, up, down"
         ),
         (
             "{gait: gait_march}", "{gat: gait_march}",
-            "3:13: reference.gat: unknown key 'gat'; allowed: gait, hold, key, stand; did you mean 'gait'?",
+            "3:13: reference.gat: unknown key 'gat'; "
+            f"allowed: {listing(REFERENCES.kinds)}; did you mean 'gait'?",
         ),
         ("seed: 0", "seed: -1", "16:7: seed: found -1; allowed: at least 0"),
     ],
@@ -250,7 +316,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
     [
         (
             "direction: inward", "direction: inwards",
-            f"10:18: disturbances[0].push.direction: unknown direction 'inwards'; allowed: {WAYS}, outward, inward, "
+            f"10:18: disturbances[0].push.direction: unknown direction 'inwards'; allowed: {WAYS}, outward, "
+            "inward, "
             "or an angle such as '15 deg'; did you mean 'inward'?",
         ),
         (
@@ -287,7 +354,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "seed: 0", "  - noise: {channel: zmp_y, std: 1 N}",
-            "16:34: disturbances[4].noise.std: found '1 N', and the channel 'zmp_y' has 'm'; allowed: a unit like it",
+            "16:34: disturbances[4].noise.std: found '1 N', and the channel 'zmp_y' has 'm'; allowed: a "
+            "unit like it",
         ),
         (
             "seed: 0", '  - noise: {channel: "*Fsr*", std: -1 N}',
@@ -295,7 +363,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "seed: 0", "  - fault: {channel: LFsrFL, reading: spike, value: 2 m}",
-            "16:53: disturbances[4].fault.value: found '2 m', and the channel has 'N'; allowed: a unit like it",
+            "16:53: disturbances[4].fault.value: found '2 m', and the channel has 'N'; allowed: a unit like "
+            "it",
         ),
         (
             "seed: 0", "  - move: {body: Head, position: [0 m, 0 m, 0 m]}",
@@ -327,7 +396,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "until: upright <", "until: load <",
-            "17:8: until: found 'load < 0.7', which joins N and a plain number; allowed: the same on all sides",
+            "17:8: until: found 'load < 0.7', which joins N and a plain number; allowed: the same on all "
+            "sides",
         ),
         (
             "until: upright < 0.7 or com_z < 0.6 * first(com_z)", "until: upright",
@@ -344,7 +414,8 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
     [
         (
             "body: torso", "body: belly",
-            "8:13: disturbances[0].push.body: unknown body 'belly'; allowed: torso, left_foot, right_foot, Neck, ",
+            "8:13: disturbances[0].push.body: unknown body 'belly'; allowed: torso, left_foot, right_foot, "
+            "Neck, ",
             " more",
         ),
         (
@@ -369,12 +440,14 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
         ),
         (
             "seed: 0", "  - delay: {command: ankle, by: 10 ms}",
-            "16:22: disturbances[4].delay.command: unknown command 'ankle'; allowed: ankle_roll, ankle_pitch, ",
+            "16:22: disturbances[4].delay.command: unknown command 'ankle'; allowed: ankle_roll, "
+            "ankle_pitch, ",
             "; did you mean 'ankle_roll'?",
         ),
         (
             "time_of(ended)", "2 * max(position(ball, x))",
-            "19:27: measures.time_of_fall_s: the MJCF has no body or site or geom or camera 'ball'; allowed: world, ",
+            "19:27: measures.time_of_fall_s: the MJCF has no body or site or geom or camera 'ball'; "
+            "allowed: world, ",
             " more",
         ),
         (
@@ -386,14 +459,16 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
             "* first(com_z)", "* first(comz)",
             "17:45: until: unknown name 'comz'; allowed: ", " more; did you mean 'com_z'?",
         ),
-        ("seed: 0", "silenced: [q1 -> p3]", "16:11: silenced: found 'q1 -> p3': no connection in ", "'q1 -> p1'?"),
+        ("seed: 0", "silenced: [q1 -> p3]", "16:11: silenced: found 'q1 -> p3': no connection in "
+            "", "'q1 -> p1'?"),
         (
             "seed: 0", "connect: {inputs: {zmp: com_y}}",
             "16:25: connect.inputs.zmp: the circuit has no input 'zmp'; ", "did you mean 'zmp_y'?",
         ),
         (
             "seed: 0", "connect: {inputs: {zmp_y: comy}}",
-            "16:27: connect.inputs.zmp_y: the robot has no channel 'comy'; allowed: ", "did you mean 'com_y'?",
+            "16:27: connect.inputs.zmp_y: the robot has no channel 'comy'; allowed: "
+            "", "did you mean 'com_y'?",
         ),
         (
             "seed: 0", "connect: {outputs: {ankle_roll: ankle_rol}}",
@@ -402,7 +477,8 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
         ),
         (
             "seed: 0", "control_step: 3 ms",
-            "16:15: control_step: found a control step of 3 ms; allowed: a multiple of the model's time step of 2 ms",
+            "16:15: control_step: found a control step of 3 ms; allowed: a multiple of the model's time "
+            "step of 2 ms",
             "; or set timestep: 1.5 ms in the robot file",
         ),
         (
@@ -414,7 +490,8 @@ def test_a_complaint_about_the_run(tmp_path, old, new, said):
             "16:13: controller: unknown controller 'open_lop'; allowed: open_loop, circuit, ",
             "did you mean 'open_loop'?",
         ),
-        ("robot: nao", "robot: noa", "2:8: robot: unknown robot (a path to a robot.yaml is ", "did you mean 'nao'?"),
+        ("robot: nao", "robot: noa", "2:8: robot: unknown robot (a path to a robot.yaml is "
+            "", "did you mean 'nao'?"),
     ],
 )  # fmt: skip
 def test_a_complaint_about_the_run_lists_what_there_is(tmp_path, old, new, begins, ends):
@@ -425,7 +502,9 @@ def test_a_complaint_about_the_run_lists_what_there_is(tmp_path, old, new, begin
 
 
 def test_without_a_reference_and_a_circuit_there_must_be_a_control_step(tmp_path):
-    said = refused(tmp_path, "reference: {gait: gait_march}\ncircuit: binn_lateral\n", "controller: open_loop\n")
+    said = refused(
+        tmp_path, "reference: {gait: gait_march}\ncircuit: binn_lateral\n", "controller: open_loop\n"
+    )
     assert said == (
         "mine.yaml:1:1: control_step: missing key 'control_step'; "
         "required where neither a reference nor a circuit has one"
@@ -527,7 +606,9 @@ def test_a_push_acts_at_the_robot(tmp_path, height, allowed):
 @pytest.mark.parametrize("angle", ["400 deg", "-361 deg", "7 rad"])
 def test_an_angle_goes_once_round_at_most(tmp_path, angle):
     told = complaints(tmp_path, "direction: inward", f"direction: {angle}")
-    assert f"disturbances[0].push.direction: found '{angle}'; allowed: an angle from -360 deg to 360 deg" in told
+    assert (
+        f"disturbances[0].push.direction: found '{angle}'; allowed: an angle from -360 deg to 360 deg" in told
+    )
     with pytest.raises(InputError, match="--push: direction: found '400 deg'; allowed: an angle from"):
         parse_push("20N,200ms,400 deg", load_scenario("nao_push"))
 

@@ -1,6 +1,6 @@
 """YAML files of every kind: text to data with line and column, and data to pydantic models.
 
-Circuits, robots, scenarios and all others are all read through here, so that all of them give the same messages.
+Circuits, robots, scenarios and all others are read through here, so that all give the same messages.
 """
 
 from circuitkit.base.source.data_files import data_folder, find_data_file, shipped_names

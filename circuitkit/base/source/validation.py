@@ -102,7 +102,10 @@ def model_problems(
         by_place.setdefault(_place(detail, data), []).append(detail)
     for place, group in by_place.items():
         if group[0]["type"] == "missing" and isinstance(place[-1], int):
-            if (*place[:-1], place[-1] + 1) not in by_place:  # of a list that is too short, the last one says it
+            if (
+                *place[:-1],
+                place[-1] + 1,
+            ) not in by_place:  # of a list that is too short, the last one says it
                 findings.append(_too_short(document, data, at, place))
             continue
         if group[0]["type"] == "missing":

@@ -20,7 +20,7 @@ from circuitkit.biped.control.reference import WalkReference, gait_knowledge
 from circuitkit.biped.control.sensed_com import CommandAxis, SensedCom
 from circuitkit.biped.gait import LEFT, RIGHT
 from circuitkit.circuit import CircuitGraph, load_circuit
-from circuitkit.circuit.load import FOLDER
+from circuitkit.circuit.parts import FOLDER
 from circuitkit.control import Array, CircuitController, ControllerSpec, Interface
 
 _LEGS = ("left_foot_y", "right_foot_y", "left_leg_lift", "right_leg_lift")

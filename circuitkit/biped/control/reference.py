@@ -221,6 +221,9 @@ def gait_knowledge(knowledge: object, controller: str) -> WalkReference:
         InputError: The reference is another.
     """
     if not isinstance(knowledge, WalkReference):
-        message = f"the controller '{controller}' builds on a walk; allowed: a scenario with reference: {{gait: NAME}} or stand"
+        message = (
+            f"the controller '{controller}' builds on a walk; allowed: a scenario with reference: "
+            f"{{gait: NAME}} or stand"
+        )
         raise InputError(Problem("", 0, 0, "controller", message))
     return knowledge

@@ -39,7 +39,9 @@ class WieberMpcSpec(ControllerSpec):
     kind: ClassVar[str] = "wieber_mpc"
 
     axes: tuple[AxisName, ...] = Field(
-        default=("lateral",), min_length=1, description="lateral (ankle_roll), sagittal (ankle_pitch), or both."
+        default=("lateral",),
+        min_length=1,
+        description="lateral (ankle_roll), sagittal (ankle_pitch), or both.",
     )
     feedback: Literal["joint_angles", "com"] = Field(
         description="joint_angles: the support foot taken as flat, as NAO's own walk does; com: the true CoM."

@@ -59,7 +59,9 @@ class Walk:
 
     def rows(self, which: slice) -> Walk:
         """Some ticks of it."""
-        plan = Schedule(**{name: getattr(self.schedule, name)[which] for name in Schedule.__dataclass_fields__})
+        plan = Schedule(
+            **{name: getattr(self.schedule, name)[which] for name in Schedule.__dataclass_fields__}
+        )
         return Walk(self.gait, plan, self.pelvis_m[which], self.joints_rad[which])
 
 
@@ -142,7 +144,7 @@ def plan_stand(
     whole_body_zmp: Callable[[Walk], Array],
     then: Callable[[Walk], Array],
 ) -> tuple[Walk, Array]:
-    """Standing for as long as the gait stands before its first step, with the whole body's ZMP at the reference.
+    """Standing for as long as the gait stands before its first step, the whole body's ZMP at the reference.
 
     Args:
         gait: The numbers; only those of standing count.

@@ -74,7 +74,10 @@ class Actuator(Disturbance):
 
         def change(tick: int, worlds: Worlds) -> None:
             """Begin with what the model has, for others may begin or end between."""
-            gains, biases = worlds.physics.expand("actuator_gainprm"), worlds.physics.expand("actuator_biasprm")
+            gains, biases = (
+                worlds.physics.expand("actuator_gainprm"),
+                worlds.physics.expand("actuator_biasprm"),
+            )
             gains[:], biases[:] = worlds.robot.model.actuator_gainprm, worlds.robot.model.actuator_biasprm
             for begin, end, each in spells:
                 if begin <= tick < end:

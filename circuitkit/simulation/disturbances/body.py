@@ -40,7 +40,11 @@ class Body(Disturbance):
         """Change masses and friction of the compiled model."""
         model = robot.model
         with placed("body"):
-            bodies = [robot.number("body", self.body)] if "*" not in self.body else robot.matching("body", self.body)
+            bodies = (
+                [robot.number("body", self.body)]
+                if "*" not in self.body
+                else robot.matching("body", self.body)
+            )
         if self.mass != 1.0:
             model.body_mass[bodies] *= self.mass
             model.body_inertia[bodies] *= self.mass
@@ -52,7 +56,7 @@ class Body(Disturbance):
             self._rub(model, bodies)
 
     def _rub(self, model: mujoco.MjModel, bodies: list[int]) -> None:
-        """Give the geoms their friction. Of two geoms that touch, the higher priority, else the rougher counts."""
+        """Give the geoms their friction. Of two that touch, the higher priority, else the rougher counts."""
         everything = self.body == "*"
         for geom in range(model.ngeom):
             if everything:

@@ -17,7 +17,9 @@ class Current(Disturbance):
 
     kind: ClassVar[str] = "current"
 
-    velocity: tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] = Field(description="Along x, y and z.")
+    velocity: tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] = Field(
+        description="Along x, y and z."
+    )
     start: Start = Field(default=0.0, description="A time such as 5 s, or a moment of the reference.")
     duration: Seconds | None = Field(default=None, gt=0, description="To the end of the run if absent.")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from typing import ClassVar
 
@@ -39,7 +39,9 @@ class Delay(Disturbance):
             message = f"found {self.by * 1e3:g} ms; allowed: a multiple of the control step of {step}"
             raise InputError(Problem("", 0, 0, f"{where}.by", message))
         if ticks >= effects.ticks:
-            message = f"found {self.by:g} s; allowed: less than the run of {effects.ticks * effects.step_s:g} s"
+            message = (
+                f"found {self.by:g} s; allowed: less than the run of {effects.ticks * effects.step_s:g} s"
+            )
             raise InputError(Problem("", 0, 0, f"{where}.by", message))
         if ticks == 0:
             return
@@ -52,7 +54,7 @@ class Delay(Disturbance):
             effects.on_commands.append(Hook(0, effects.ticks, _Late(ticks, places, effects.batch)))
 
 
-def _places(pattern: str, used: Sequence[str], there: Sequence[str], kind: str, where: str) -> list[int]:
+def _places(pattern: str, used: Sequence[str], there: Iterable[str], kind: str, where: str) -> list[int]:
     """Where the names that match a pattern stand among those in use."""
     if not any(fnmatchcase(name, pattern) for name in (*there, *used)) and pattern != "*":
         with placed(f"{where}.{kind}"):

@@ -17,13 +17,74 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
 class Fault(Disturbance):
-    """Lets channels fail: what the controller reads is missing, zero, stuck, a spike, or dropped at random."""
+    """Lets channels fail: what the controller reads is missing, zero, stuck, a spike, or dropped."""
 
     kind: ClassVar[str] = "fault"
 
     channel: str = Field(description="Name of a channel or sensor, with * for any letters.")
     reading: Literal["missing", "zero", "stuck", "spike", "dropped"] = Field(
-        description="missing: not a number; zero; stuck: as it was when the fault began; spike: `value` more; "
+        description="missing: not a number; zero; stuck: as it was when the fault began; spike: `value` "
+        "more; "
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
         "dropped: each tick is missing with `chance`."
     )
     value: AnyQuantity | None = Field(default=None, description="Size of a spike.")
@@ -36,7 +97,8 @@ class Fault(Disturbance):
     def _complete(self) -> Fault:
         for reading, key in (("spike", "value"), ("dropped", "chance")):
             if (self.reading == reading) != (getattr(self, key) is not None):
-                message = f"found the reading {self.reading} {'without' if self.reading == reading else 'with'} {key}"
+                word = "without" if self.reading == reading else "with"
+                message = f"found the reading {self.reading} {word} {key}"
                 allowed = f"{key} with the reading {reading}, and only there"
                 raise ValueError(f"{message}; allowed: {allowed}")  # noqa: EM102, TRY003 - built above
         return self
@@ -48,7 +110,9 @@ class Fault(Disturbance):
             message = f"the fault starts at {first * effects.step_s:g} s; allowed: before the end of the run"
             raise InputError(Problem("", 0, 0, f"{where}.start", message))
         columns, names = effects.columns_of(self.channel, f"{where}.channel")
-        effects.spans.append((f"{self.channel} {self.reading}", first * effects.step_s, last * effects.step_s))
+        effects.spans.append(
+            (f"{self.channel} {self.reading}", first * effects.step_s, last * effects.step_s)
+        )
         if columns:
             effects.on_clipped.append(Hook(first, last, self._changing(effects, columns, where)))
         seen = [effects.observed.index(name) for name in names if name in effects.observed]
@@ -73,7 +137,9 @@ class Fault(Disturbance):
 
             return add
         chance = self.chance or 0.0
-        draws = [effects.generator(i, self.stream).random(effects.ticks) < chance for i in range(effects.batch)]
+        draws = [
+            effects.generator(i, self.stream).random(effects.ticks) < chance for i in range(effects.batch)
+        ]
         dropped = np.stack(draws, axis=1)
 
         def drop(tick: int, values: Array) -> None:

@@ -30,14 +30,81 @@ class Jitter(Disturbance):
 
     start: Seconds = Field(default=0.0, ge=0, description="Pushes begin up to this much earlier or later.")
     velocity: MetresPerSecond = Field(
-        default=0.0, ge=0, description="Standard deviation of the base's velocity at first, forward and sideways."
+        default=0.0,
+        ge=0,
+        description="Standard deviation of the base's velocity at first, forward and sideways.",
     )
     position: Metres | tuple[Metres, Metres] = Field(
         default=0.0,
-        description="The base starts up to this much further forward or back, left or right; one for both, or two.",
+        description="The base starts up to this much further forward or back, left or right; one for both, "
+        "or "
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        ""
+        "two.",
     )
-    yaw: Radians = Field(default=0.0, ge=0, description="The base starts turned by up to this, to either side.")
-    joints: Radians = Field(default=0.0, ge=0, description="Standard deviation of the joints' angles at first.")
+    yaw: Radians = Field(
+        default=0.0, ge=0, description="The base starts turned by up to this, to either side."
+    )
+    joints: Radians = Field(
+        default=0.0, ge=0, description="Standard deviation of the joints' angles at first."
+    )
 
     @model_validator(mode="after")
     def _not_negative(self) -> Jitter:

@@ -21,7 +21,9 @@ class Move(Disturbance):
     kind: ClassVar[str] = "move"
 
     body: str = Field(description="A body with a free joint, or a mocap body.")
-    position: tuple[Metres, Metres, Metres] | None = Field(default=None, description="Where it is put; x, y, z.")
+    position: tuple[Metres, Metres, Metres] | None = Field(
+        default=None, description="Where it is put; x, y, z."
+    )
     velocity: tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond] | None = Field(
         default=None, description="Its velocity then, along x, y and z; for a body with a free joint."
     )
@@ -43,7 +45,10 @@ class Move(Disturbance):
         free = joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
         mocap = int(model.body_mocapid[body])
         if not free and (mocap < 0 or self.velocity is not None):
-            message = f"'{self.body}' cannot be moved so; allowed: a body with a free joint, or the position of a mocap body"
+            message = (
+                f"'{self.body}' cannot be moved so; allowed: a body with a free joint, or the position of a "
+                "mocap body"
+            )
             raise InputError(Problem("", 0, 0, f"{where}.body", message))
         first, _ = effects.window(self.start, None, where)
 

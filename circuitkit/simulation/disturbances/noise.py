@@ -21,17 +21,21 @@ from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 class Noise(Disturbance):
     """Adds noise to what the controller reads of channels: white, or a drift with a time constant.
 
-    White noise is n_k = s z_k with z_k from the normal distribution. A drift is the Ornstein-Uhlenbeck process
-    n_k = a n_(k-1) + s sqrt(1 - a^2) z_k with a = exp(-dt / drift), whose standard deviation is s as well.
+    White noise is n_k = s z_k with z_k from the normal distribution. A drift is the Ornstein-Uhlenbeck
+    process n_k = a n_(k-1) + s sqrt(1 - a^2) z_k with a = exp(-dt / drift), whose deviation is s as well.
     """
 
     kind: ClassVar[str] = "noise"
 
-    channel: str | None = Field(default=None, description="Name of a channel or sensor, with * for any letters.")
+    channel: str | None = Field(
+        default=None, description="Name of a channel or sensor, with * for any letters."
+    )
     std: AnyQuantity | Mapping[str, AnyQuantity] = Field(
         description="Standard deviation of each; or several, by names like those of `channel`."
     )
-    drift: Seconds | None = Field(default=None, gt=0, description="Time constant; without it the noise is white.")
+    drift: Seconds | None = Field(
+        default=None, gt=0, description="Time constant; without it the noise is white."
+    )
     start: Start = Field(default=0.0, description="A time such as 5 s, or a moment of the reference.")
     duration: Seconds | None = Field(default=None, gt=0, description="To the end of the run if absent.")
     stream: int = Field(
@@ -68,7 +72,9 @@ class Noise(Disturbance):
         first, last = effects.window(self.start, self.duration, where)
         if columns:
             effects.on_readings.append(_adding(values[..., : len(columns)], columns, first, last))
-        seen = [(effects.observed.index(name), k) for k, name in enumerate(others) if name in effects.observed]
+        seen = [
+            (effects.observed.index(name), k) for k, name in enumerate(others) if name in effects.observed
+        ]
         if seen:
             places, picked = [place for place, _ in seen], [len(columns) + k for _, k in seen]
             effects.on_channels.append(_adding(values[..., picked], places, first, last))
@@ -79,7 +85,10 @@ class Noise(Disturbance):
         channels = [each for name, each in effects.robot.channels.items() if fnmatchcase(name, pattern)]
         for channel in channels:
             if channel.unit.dimension != quantity.dimension:
-                message = f"found '{text}', and the channel '{channel.name}' has '{channel.unit}'; allowed: a unit like it"
+                message = (
+                    f"found '{text}', and the channel '{channel.name}' has '{channel.unit}'; allowed: a unit "
+                    "like it"
+                )
                 raise InputError(Problem("", 0, 0, f"{where}.std", message))
         if quantity.value_si < 0:
             raise InputError(Problem("", 0, 0, f"{where}.std", f"found '{text}'; allowed: 0 or more"))

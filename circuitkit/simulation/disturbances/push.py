@@ -9,10 +9,10 @@ from typing import Annotated, ClassVar, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
 from circuitkit.base.source import describe
 from circuitkit.base.source.fields import Metres, NewtonMetres, Newtons, Seconds
-from circuitkit.base.units import UnitError, parse_quantity, parse_unit
+from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.control import Array
 from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start, placed
 from circuitkit.simulation.reference import Moment
@@ -33,13 +33,19 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
 def check_direction(value: object) -> str:
     """Refuse an angle of more than once round; words are looked up when the reference is known."""
     if not isinstance(value, str):
-        message = f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 deg'"
+        message = (
+            f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 "
+            "deg'"
+        )
         raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
     if _is_angle(value) and not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
         message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
         raise ValueError(message)
     if not _is_angle(value) and not value.replace("_", "").isalpha():
-        message = f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 deg'"
+        message = (
+            f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 "
+            "deg'"
+        )
         raise ValueError(message)
     return value
 
@@ -57,9 +63,13 @@ class Push(Disturbance):
     kind: ClassVar[str] = "push"
     per_robot: ClassVar[bool] = True
 
-    body: str = Field(description="A body of the MJCF, or what a block of the robot file calls one, such as torso.")
+    body: str = Field(
+        description="A body of the MJCF, or what a block of the robot file calls one, such as torso."
+    )
     force: Newtons | None = Field(default=None, ge=0, description="Size of the force.")
-    torque: NewtonMetres | None = Field(default=None, ge=0, description="Size of a torque about `direction`, instead of a force.")
+    torque: NewtonMetres | None = Field(
+        default=None, ge=0, description="Size of a torque about `direction`, instead of a force."
+    )
     direction: Annotated[str, BeforeValidator(check_direction)] = Field(
         description="forward, backward, left, right, up, down, or what the reference knows, or an "
         "angle: 0 deg is forward, 90 deg to the left."
@@ -72,7 +82,8 @@ class Push(Disturbance):
         description="Where it acts: so far above the body's centre of mass, or below if negative.",
     )
     at: tuple[Metres, Metres, Metres] | None = Field(
-        default=None, description="Where it acts, from the body's centre of mass, along x, y and z; instead of height."
+        default=None,
+        description="Where it acts, from the body's centre of mass, along x, y and z; instead of height.",
     )
     start: Start = Field(description="A time such as 5 s, or a moment of the reference.")
 

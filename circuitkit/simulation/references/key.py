@@ -40,4 +40,6 @@ class Key(Reference):
             message = f"the MJCF has no keyframe '{self.name}'; allowed: {listing(names)}"
             raise InputError(Problem("", 0, 0, "reference.key", message, suggest(self.name, names)))
         key = model.key(self.name)
-        return Motion(hold_at(robot, key.qpos, key.ctrl)[np.newaxis], key.qpos.copy(), start_act=key.act.copy())
+        return Motion(
+            hold_at(robot, key.qpos, key.ctrl)[np.newaxis], key.qpos.copy(), start_act=key.act.copy()
+        )
