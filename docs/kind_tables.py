@@ -19,7 +19,8 @@ from circuitkit.robots import Robot
 from circuitkit.robots.parts import REFERENCES as PARTS_OF_MJCF
 from circuitkit.robots.spec import blocks
 from circuitkit.simulation.disturbance import DISTURBANCES
-from circuitkit.simulation.measures import MEASURES, REDUCTIONS
+from circuitkit.simulation.measures import MEASURES
+from circuitkit.simulation.reductions import REDUCTIONS
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import scenario_class
 
@@ -67,7 +68,7 @@ def _parts() -> str:
         if len(lines[-1]) + len(each.usage) > _WIDTH:
             lines.append("")
         lines[-1] += f"{each.usage}   "
-    return "\n".join(["```text", *(line.rstrip() for line in lines), "```"])
+    return "\n".join(["```", *(line.rstrip() for line in lines), "```"])
 
 
 TABLES: dict[str, Callable[[], str]] = {

@@ -59,6 +59,14 @@ class Foot(FileModel):
             raise ValueError(message)
         return self
 
+    @property
+    def extent(self) -> Sole:
+        """The sole of a compiled robot, where it is known in any case."""
+        if self.sole is None:
+            message = f"the sole of '{self.body}' is measured when the robot is compiled"
+            raise ValueError(message)
+        return self.sole
+
 
 class Feet(FileModel):
     """Both feet."""

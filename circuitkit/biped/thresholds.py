@@ -15,7 +15,8 @@ from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.view import support_by_load
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.control import Array
-from circuitkit.simulation.measures import BoundMeasure, MeasureKind, Track, Value
+from circuitkit.simulation.formulas import Track, Value
+from circuitkit.simulation.measures import BoundMeasure, MeasureKind
 from circuitkit.simulation.plan import Plan
 
 _NOTHING_M = 1e-9  # rounding, not a crossing

@@ -91,7 +91,7 @@ def run_table(
     backend: str = "numpy",
     precision: Precision = "float64",
     seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> RunTable:
     """Run one circuit with inputs that are constant, or come from a table, or both.
 
@@ -186,7 +186,7 @@ def _run(
     inputs: FloatArray,
     names: Sequence[str] | None,
     seed: int,
-    progress: Callable[[int, int], None] | None,
+    progress: Callable[[int, int], object] | None,
 ) -> list[Column]:
     """Return the columns of neurons, outputs and states."""
     state = program.initial_state(seed=seed)

@@ -179,6 +179,6 @@ def reaches_of(robot: RobotModel, gait: GaitSpec, moment: float) -> tuple[Reach,
     block = biped_of(robot).block
     hip, feet = block.legs.hip_offset_y, block.feet
     return (
-        Reach("outward", max(hip + feet.left.sole.left - start, 0.0)),
-        Reach("inward", max(start + hip - feet.right.sole.right, 0.0)),
+        Reach("outward", max(hip + feet.left.extent.left - start, 0.0)),
+        Reach("inward", max(start + hip - feet.right.extent.right, 0.0)),
     )

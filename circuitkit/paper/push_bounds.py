@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from circuitkit.biped.gait.lipm import dcm, largest_push_force
 from circuitkit.biped.gait.support import distances_to_edge
-from circuitkit.biped.robot import Sole, biped_of
+from circuitkit.biped.robot import biped_of
+from circuitkit.biped.spec import Sole
 from circuitkit.paper.runs import push_moment, record, without_pushes
 from circuitkit.simulation import Plan
 
@@ -58,7 +59,7 @@ def _start_of_push(plan: Plan) -> _PushStart:
     ankles = np.stack([now[layout.foot(side)][:2] for side in range(2)])
     return _PushStart(
         dcm_m=dcm(now[layout.com][:2], now[layout.com_velocity][:2], height),
-        corners_m=np.concatenate([_corners_m(foot.sole) for foot in (feet.left, feet.right)])
+        corners_m=np.concatenate([_corners_m(foot.extent) for foot in (feet.left, feet.right)])
         + ankles.repeat(4, 0),
         com_height_m=height,
         push_height_m=_height_of(plan, push.body, recording.qpos[tick, 0]) + push.height,

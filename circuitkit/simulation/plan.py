@@ -23,8 +23,9 @@ from circuitkit.control import (
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
 from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation.disturbance import RunSpec, draw_effects
+from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
-from circuitkit.simulation.measures import Formula, Judge, located, parse_measure
+from circuitkit.simulation.measures import Judge, located
 from circuitkit.simulation.reference import Motion, Reference
 from circuitkit.simulation.scenario import Scenario
 
@@ -314,7 +315,7 @@ def load_circuits(
     if chosen is None:
         return Circuits()
     own_settings = {name: str(value) for name, value in scenario.settings.items()} if circuit is None else {}
-    with scenario.located("settings" if own_settings else "circuit"):
+    with scenario.located("settings" if own_settings else "circuit") if not settings else nullcontext():
         whole = _graph(scenario, chosen, {**own_settings, **(settings or {})}, here=circuit is None)
         other = circuit is not None and scenario.circuit is not None
         own = _graph(scenario, scenario.circuit, None, here=True) if other else None
@@ -327,7 +328,8 @@ def _graph(
 ) -> CircuitGraph:
     if isinstance(given, CircuitGraph):
         return given
-    return load_circuit(scenario.file(str(given)) if here else given, settings)
+    file = scenario.file(str(given)) if here else given
+    return load_circuit(file, settings, option="settings" if settings else "")
 
 
 def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> Body:

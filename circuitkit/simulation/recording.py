@@ -19,7 +19,8 @@ from circuitkit.circuit.expressions.dimensions import named_symbol
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
 from circuitkit.simulation.disturbance import Effects, RunSpec
-from circuitkit.simulation.measures import Judge, Value
+from circuitkit.simulation.formulas import Value
+from circuitkit.simulation.measures import Judge
 from circuitkit.simulation.reference import Motion
 
 _NO_WORD = re.compile(r"\W+")

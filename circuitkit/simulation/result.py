@@ -9,7 +9,7 @@ from typing import Any
 
 from circuitkit.base.units import Unit
 from circuitkit.simulation.disturbances.push import Push
-from circuitkit.simulation.measures import Value
+from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.scenario import Scenario
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
 from circuitkit.simulation.disturbance import Effects
-from circuitkit.simulation.measures import Judge, Track, Value
+from circuitkit.simulation.formulas import Track, Value
+from circuitkit.simulation.measures import Judge
 from circuitkit.simulation.reference import Motion
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import circuitkit
 from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.simulation import Disturbance, Plan, RunSpec
+from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.loop import run_and_watch
-from circuitkit.simulation.measures import Value
 from circuitkit.simulation.plan import Body
 from circuitkit.study.cases import Case
 from circuitkit.study.spec import RMS

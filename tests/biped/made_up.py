@@ -16,7 +16,8 @@ from circuitkit.control import Array
 from circuitkit.simulation import Motion, Recording, Reference, RunSpec
 from circuitkit.simulation.disturbance import draw_effects
 from circuitkit.simulation.disturbances.push import Push
-from circuitkit.simulation.measures import Judge, parse_measure
+from circuitkit.simulation.formulas import parse_measure
+from circuitkit.simulation.measures import Judge
 from circuitkit.simulation.tracking import Tracker
 
 WEIGHT_N = 50.0

@@ -21,7 +21,7 @@ EXAMPLES = {
     text.splitlines()[0].removeprefix("# "): text
     for text in re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 }
-(MESSAGES,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+MESSAGES, *_ = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
 
 
 @pytest.fixture(autouse=True)

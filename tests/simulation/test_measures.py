@@ -12,7 +12,7 @@ from small_robots import CART, CART_FILE, Told, run, small_robot
 from circuitkit.base.errors import ExpressionError, InputError
 from circuitkit.base.units import parse_unit
 from circuitkit.simulation.disturbances.noise import Noise
-from circuitkit.simulation.measures import Track, parse_measure
+from circuitkit.simulation.formulas import Track, parse_measure
 
 DT = 0.01
 UNITS = {

@@ -9,9 +9,11 @@ import pytest
 import yaml
 from walking import scenario
 
-from circuitkit.base.errors import InputError
+from circuitkit.base.errors import InputError, listing
 from circuitkit.base.source import data_files
 from circuitkit.simulation import load_scenario, make_plan, parse_push
+from circuitkit.simulation.disturbance import DISTURBANCES
+from circuitkit.simulation.reference import REFERENCES
 
 SHIPPED = Path(data_files.data_folder("sims")) / "nao_push.yaml"
 TEXT = """\
@@ -232,8 +234,7 @@ WAYS = "forward, backward, left, right, up, down"
         (
             "- jitter", "- jiter",
             "15:5: disturbances[3].jiter: unknown key 'jiter'; "
-            "allowed: actuator, body, current, delay, fault, jitter, move, noise, push, slope; "
-            "did you mean 'jitter'?",
+            f"allowed: {listing(DISTURBANCES.kinds)}; did you mean 'jitter'?",
         ),
         (
             "seed: 0", "  - {}",
@@ -290,7 +291,8 @@ WAYS = "forward, backward, left, right, up, down"
         ),
         (
             "{gait: gait_march}", "{gat: gait_march}",
-            "3:13: reference.gat: unknown key 'gat'; allowed: gait, hold, key, stand; did you mean 'gait'?",
+            "3:13: reference.gat: unknown key 'gat'; "
+            f"allowed: {listing(REFERENCES.kinds)}; did you mean 'gait'?",
         ),
         ("seed: 0", "seed: -1", "16:7: seed: found -1; allowed: at least 0"),
     ],

@@ -1,0 +1,365 @@
+"""Measures that are expressions over channels and time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from circuitkit.base.errors import ExpressionError
+from circuitkit.base.units import Dimension, Unit, parse_unit
+from circuitkit.circuit.expressions.dimensions import (
+    DimensionError,
+    OpenDimension,
+    dimension_of,
+    named_symbol,
+)
+from circuitkit.circuit.expressions.expression import (
+    COMPARISONS,
+    Binary,
+    Call,
+    Expression,
+    Name,
+    Number,
+    Unary,
+)
+from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.control import Array
+from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
+from circuitkit.robots.parts import ARITIES, REFERENCES, StandIn
+from circuitkit.simulation.reductions import CONDITIONAL, DIGITS, PLAIN, REDUCTIONS, SECOND, Reduction
+
+Value: TypeAlias = "float | bool | None"
+
+ENDED, TIME = "ended", "t"
+_FUNCTIONS: Mapping[str, tuple[int, int]] = {
+    **dict.fromkeys(REDUCTIONS, (1, 1)),
+    "max": (1, 50),
+    "min": (1, 50),
+    "outside": (1, 3),
+    "after": (2, 2),
+    "between": (3, 3),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A run as measures see it; T ticks, the last one being that in which it ended.
+
+    Attributes:
+        step_s: The control step.
+        first: Number of its first tick.
+        shape: Of a channel: (T,) for one robot, or (T, B).
+        ended: Whether the scenario's `until` ended it.
+        values: Gives a channel by name.
+        bounds: For `outside`: lower and upper bound of a channel, arrays or plain numbers; None without.
+        push_s: When its first push began; not a number without one.
+        pace_s: Time after which the reference repeats itself; 0 if it does not.
+    """
+
+    step_s: float
+    first: int
+    shape: tuple[int, ...]
+    ended: bool
+    values: Callable[[str], Array]
+    bounds: Callable[[str], tuple[Any, Any] | None]
+    push_s: float
+    pace_s: float
+
+    @property
+    def ticks(self) -> int:
+        """T."""
+        return self.shape[0]
+
+    @property
+    def before_end(self) -> int:
+        """How many ticks there are before the one in which it ended."""
+        return self.ticks - 1 if self.ended else self.ticks
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """An expression that measures.
+
+    Attributes:
+        text: As written.
+        tree: The expression.
+        unit: Of its value, SI.
+        is_condition: Whether its value is true or false.
+        channels: The channels that it needs.
+        references: Parts of the MJCF that it names itself, such as `position(ball, x)`; they are channels too.
+    """
+
+    text: str
+    tree: Expression
+    unit: Unit
+    is_condition: bool
+    channels: tuple[str, ...]
+    references: tuple[Call, ...]
+
+    def series(self, track: Track, firsts: list[Array] | None = None) -> Array:
+        """Its value at every tick, from the ticks so far.
+
+        Args:
+            track: The run, or a part of it.
+            firsts: The first values, where the track is a later part; takes them, where it is the first one.
+        """
+        functions: dict[str, Callable[..., Any]] = {
+            **NUMPY_FUNCTIONS,
+            **{name: partial(_reduced, each, track) for name, each in REDUCTIONS.items()},
+            "max": partial(_either, "max", track),
+            "min": partial(_either, "min", track),
+        }
+        # Rounded, so that the tick that ends at 0.41 s is not after it.
+        time = np.round((track.first + np.arange(1, track.ticks + 1)) * track.step_s, DIGITS)
+        time = time.reshape(-1, *(1,) * (len(track.shape) - 1))
+        functions["after"] = lambda x, start: np.where(time > start, x, np.nan)
+        functions["between"] = lambda x, start, end: np.where((time > start) & (time <= end), x, np.nan)
+        if firsts is not None:
+            functions["first"] = _First(track, firsts)
+        values: dict[str, Any] = {name: track.values(name) for name in self.channels}
+        flag = np.zeros(track.ticks)
+        flag[-1:] = track.ended
+        values |= {TIME: time, ENDED: flag.reshape(time.shape)}
+        with np.errstate(all="ignore"):
+            found = _with_bounds(self.tree, track, values).evaluate(values, functions)
+        return np.broadcast_to(np.asarray(found, dtype=np.float64), track.shape)
+
+    def holds(self, track: Callable[[int], Track], begin: int, firsts: list[Array]) -> NDArray[np.bool_]:
+        """Whether a condition holds, in the ticks from `begin` on; shape (n, B).
+
+        Args:
+            track: The run of all robots from a tick on.
+            begin: The first tick that is asked for.
+            firsts: What is remembered from one call to the next.
+        """
+        if self.looks_back:
+            return np.asarray(self.series(track(0))[begin:] != 0)
+        return np.asarray(self.series(track(begin), firsts) != 0)
+
+    @cached_property
+    def looks_back(self) -> bool:
+        """Whether it needs more of the past than first values."""
+        return any(name != "first" for name in _reductions_in(self.tree))
+
+    def value(self, track: Track) -> Value:
+        """Its value at the end; None if it has none, such as the time of what never was."""
+        if track.ticks == 0:
+            return None
+        last = float(self.series(track)[-1])
+        if self.is_condition:
+            return bool(last)
+        return last if math.isfinite(last) else None
+
+
+def _reduced(reduction: Reduction, track: Track, x: Any) -> Array:  # noqa: ANN401 - a number or an array
+    return reduction.so_far(np.broadcast_to(np.asarray(x, dtype=np.float64), track.shape), track.step_s)
+
+
+class _First:
+    """`first(x)` of a run that comes in parts: remembers the values of the first part, in the order of the calls."""
+
+    def __init__(self, track: Track, firsts: list[Array]) -> None:
+        self._track, self._firsts, self._calls = track, firsts, 0
+
+    def __call__(self, x: Any) -> Array:  # noqa: ANN401 - a number or an array
+        spread = np.broadcast_to(np.asarray(x, dtype=np.float64), self._track.shape)
+        if self._calls == len(self._firsts):
+            self._firsts.append(spread[0].copy())
+        self._calls += 1
+        return np.broadcast_to(self._firsts[self._calls - 1], self._track.shape)
+
+
+def _reductions_in(tree: Expression) -> Iterator[str]:
+    match tree:
+        case Call(function=function, arguments=arguments):
+            if function in REDUCTIONS and (function not in {"max", "min"} or len(arguments) == 1):
+                yield function
+            for each in arguments:
+                yield from _reductions_in(each)
+        case _:
+            for each in tree.operands():
+                yield from _reductions_in(each)
+
+
+def _either(name: str, track: Track, *arguments: Any) -> Any:  # noqa: ANN401 - numbers or arrays
+    """Max and min: over time of one argument, of the larger or smaller of two."""
+    if len(arguments) == 1:
+        return _reduced(REDUCTIONS[name], track, arguments[0])
+    return NUMPY_FUNCTIONS[name](*arguments)
+
+
+def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expression:
+    """Replace `outside(x, low, high)` by max(max(low - x, x - high), 0).
+
+    Where it has no bounds they are those of the channel, and are put among the values.
+    """
+    match tree:
+        case Call(function="outside", arguments=(x, low, high)):
+            x, low, high = (_with_bounds(each, track, values) for each in (x, low, high))
+            beyond = Call("max", (Binary("-", low, x), Binary("-", x, high)))
+            return Call("max", (beyond, Number(0.0)))
+        case Call(function="outside", arguments=(Name(name=name) as x,)):
+            found = track.bounds(name)
+            ends = (-np.inf, np.inf) if found is None else found
+            values |= {f"{name} low": ends[0], f"{name} high": ends[1]}
+            beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
+            return Call("max", (beyond, Number(0.0)))
+        case Call(function=function, arguments=arguments):
+            return Call(function, tuple(_with_bounds(each, track, values) for each in arguments))
+        case Binary(operator=joint, left=left, right=right):
+            return Binary(joint, _with_bounds(left, track, values), _with_bounds(right, track, values))
+        case Unary(operator=sign, operand=operand):
+            return Unary(sign, _with_bounds(operand, track, values))
+    return tree
+
+
+def parse_measure(text: str, units: Mapping[str, Unit], bounded: Iterable[str] = ()) -> Formula:
+    """Read an expression that measures.
+
+    Args:
+        text: The expression.
+        units: Unit of every channel and command that it may name.
+        bounded: Channels that have bounds, for `outside` with one argument.
+
+    Raises:
+        ExpressionError: It is no such expression; its `offset` says where.
+    """
+    names = {*units, TIME, ENDED}
+    tree = parse_expression(text, names, units=True, references=ARITIES, functions=_FUNCTIONS)
+    dimensions = {name: OpenDimension(unit.dimension) for name, unit in units.items()}
+    dimensions |= {TIME: SECOND, ENDED: PLAIN}
+    references: dict[str, Call] = {}
+    tree = _named(tree, references)
+    # What a reference is measured in is known when the model is there; until then its own checks have to do.
+    placeholders = {name: OpenDimension(units[name].dimension) for name in references if name in units}
+    checker = _Checker(dimensions | placeholders, set(bounded))
+    shown = checker.replaced(tree)
+    unknown = [name for name in references if name not in units]
+    dimension = None if unknown else dimension_of(shown, dimensions | placeholders | checker.extra)
+    unit = parse_unit("1") if dimension is None else _unit_like(dimension.fixed, tree, units)
+    used = tuple(name for name in sorted(tree.names()) if name not in {TIME, ENDED})
+    return Formula(text, tree, unit, _is_condition(tree), used, tuple(references.values()))
+
+
+def _unit_like(dimension: Dimension, tree: Expression, units: Mapping[str, Unit]) -> Unit:
+    """The SI unit as a channel of the expression has it, such as N*m, which is more familiar than base units."""
+    for name in sorted(tree.names()):
+        if name in units and units[name].dimension == dimension and units[name].scale == 1:
+            return units[name]
+    return parse_unit(named_symbol(dimension))
+
+
+def _named(tree: Expression, references: dict[str, Call]) -> Expression:
+    """Replace every reference by a name that is its text."""
+    match tree:
+        case Call(function=function) if function in REFERENCES:
+            references[str(tree)] = tree
+            return StandIn(str(tree), offset=tree.offset)
+        case Call(function=function, arguments=arguments):
+            return Call(function, tuple(_named(each, references) for each in arguments), offset=tree.offset)
+        case Binary(operator=joint, left=left, right=right):
+            return Binary(joint, _named(left, references), _named(right, references), offset=tree.offset)
+        case Unary(operator=sign, operand=operand):
+            return Unary(sign, _named(operand, references), offset=tree.offset)
+    return tree
+
+
+class _Checker:
+    """Finds the dimension of a measure, reduction by reduction.
+
+    Attributes:
+        extra: The dimensions of what stands for reductions.
+    """
+
+    def __init__(self, names: Mapping[str, OpenDimension], bounded: set[str]) -> None:
+        self._names, self._bounded = names, bounded
+        self.extra: dict[str, OpenDimension] = {}
+
+    def replaced(self, part: Expression) -> Expression:
+        """The expression with a name for every reduction.
+
+        Raises:
+            ExpressionError: A function has other arguments than it takes; says where.
+        """
+        match part:
+            case Call(function="outside"):
+                return self._outside(part)
+            case Call(function="after" | "between"):
+                return self._window(part)
+            case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
+                return self._reduction(part, argument)
+            case Call(function=function, arguments=arguments):
+                return Call(function, tuple(self.replaced(each) for each in arguments), offset=part.offset)
+            case Binary(operator=joint, left=left, right=right):
+                return Binary(joint, self.replaced(left), self.replaced(right), offset=part.offset)
+            case Unary(operator=sign, operand=operand):
+                return Unary(sign, self.replaced(operand), offset=part.offset)
+        return part
+
+    def _outside(self, part: Call) -> Expression:
+        arguments = part.arguments
+        if len(arguments) == 2:  # noqa: PLR2004 - one or three
+            message = "found outside with 2 arguments; allowed: outside(x, low, high), or outside(channel)"
+            raise ExpressionError(message, part.offset)
+        has_bounds = isinstance(arguments[0], Name) and arguments[0].name in self._bounded
+        if len(arguments) == 1 and not has_bounds:
+            message = f"found '{part}', whose bounds are not known; allowed: outside(x, low, high)"
+            raise ExpressionError(message, part.offset)
+        alike, *others = (self.replaced(each) for each in arguments)
+        for other in others:
+            alike = Call("max", (alike, other), offset=part.offset)
+        try:
+            return self._stand_in(part, self._known(alike))
+        except DimensionError as error:
+            raise ExpressionError(error.of(str(part)), part.offset) from error
+
+    def _window(self, part: Call) -> Expression:
+        argument, *times = part.arguments
+        for each in times:
+            if self._known(self.replaced(each)) not in {None, SECOND}:
+                message = f"found '{part}'; allowed: times there, such as after({argument}, 2 s)"
+                raise ExpressionError(message, each.offset)
+        return self._stand_in(part, self._known(self.replaced(argument)))
+
+    def _reduction(self, part: Call, argument: Expression) -> Expression:
+        inside = self.replaced(argument)
+        if part.function in CONDITIONAL and not _is_condition(argument):
+            message = f"found '{part}'; allowed: a condition there, such as {part.function}(x > 0)"
+            raise ExpressionError(message, part.offset)
+        return self._stand_in(part, REDUCTIONS[part.function].dimension(self._known(inside)))
+
+    def _known(self, part: Expression) -> OpenDimension | None:
+        """The dimension; None if it is zero, or names what is known only with the model."""
+        if any(name not in self._names and name not in self.extra for name in part.names()):
+            return None
+        return dimension_of(part, {**self._names, **self.extra})
+
+    def _stand_in(self, part: Call, dimension: OpenDimension | None) -> Expression:
+        if dimension is None:
+            return Number(0.0, offset=part.offset)
+        self.extra[str(part)] = dimension
+        return StandIn(str(part), offset=part.offset)
+
+
+def _is_condition(tree: Expression) -> bool:
+    """Whether a value is true or false: comparisons, `ended`, and what and, or and not make of them."""
+    match tree:
+        case Name(name=name):
+            return name == ENDED
+        case Binary(operator=joint) if joint in COMPARISONS:
+            return True
+        case Call(function="where", arguments=(_, then, otherwise)):  # what and, or and not are read as
+            return all(_is_condition(each) or _is_truth(each) for each in (then, otherwise))
+        case Call(function="last" | "first" | "after" | "between", arguments=(argument, *_)):
+            return _is_condition(argument)
+    return False
+
+
+def _is_truth(tree: Expression) -> bool:
+    return isinstance(tree, Number) and tree.value in {0.0, 1.0}
