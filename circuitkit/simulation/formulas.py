@@ -92,7 +92,7 @@ class Formula:
         unit: Of its value, SI.
         is_condition: Whether its value is true or false.
         channels: The channels that it needs.
-        references: Parts of the MJCF that it names itself, such as `position(ball, x)`; they are channels too.
+        references: Parts of the MJCF that it names itself, such as `position(ball, x)`; channels too.
     """
 
     text: str
@@ -162,7 +162,7 @@ def _reduced(reduction: Reduction, track: Track, x: Any) -> Array:  # noqa: ANN4
 
 
 class _First:
-    """`first(x)` of a run that comes in parts: remembers the values of the first part, in the order of the calls."""
+    """`first(x)` of a run that comes in parts: remembers the first values, in the order of the calls."""
 
     def __init__(self, track: Track, firsts: list[Array]) -> None:
         self._track, self._firsts, self._calls = track, firsts, 0
@@ -248,7 +248,7 @@ def parse_measure(text: str, units: Mapping[str, Unit], bounded: Iterable[str] =
 
 
 def _unit_like(dimension: Dimension, tree: Expression, units: Mapping[str, Unit]) -> Unit:
-    """The SI unit as a channel of the expression has it, such as N*m, which is more familiar than base units."""
+    """The SI unit as a channel of the expression has it, such as N*m, rather than in base units."""
     for name in sorted(tree.names()):
         if name in units and units[name].dimension == dimension and units[name].scale == 1:
             return units[name]
@@ -288,19 +288,23 @@ class _Checker:
             ExpressionError: A function has other arguments than it takes; says where.
         """
         match part:
+            case Call():
+                return self._call(part)
+            case Binary(operator=joint, left=left, right=right):
+                return Binary(joint, self.replaced(left), self.replaced(right), offset=part.offset)
+            case Unary(operator=sign, operand=operand):
+                return Unary(sign, self.replaced(operand), offset=part.offset)
+        return part
+
+    def _call(self, part: Call) -> Expression:
+        match part:
             case Call(function="outside"):
                 return self._outside(part)
             case Call(function="after" | "between"):
                 return self._window(part)
             case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
                 return self._reduction(part, argument)
-            case Call(function=function, arguments=arguments):
-                return Call(function, tuple(self.replaced(each) for each in arguments), offset=part.offset)
-            case Binary(operator=joint, left=left, right=right):
-                return Binary(joint, self.replaced(left), self.replaced(right), offset=part.offset)
-            case Unary(operator=sign, operand=operand):
-                return Unary(sign, self.replaced(operand), offset=part.offset)
-        return part
+        return Call(part.function, tuple(self.replaced(each) for each in part.arguments), offset=part.offset)
 
     def _outside(self, part: Call) -> Expression:
         arguments = part.arguments
