@@ -38,7 +38,7 @@ def substeps_of(robot: RobotModel, step_s: float) -> int:
             f"in the robot file"
         )
         raise InputError(Problem("", 0, 0, "control_step", message))
-    return int(round(count))
+    return round(count)
 
 
 def _fitting(step_s: float, count: float) -> float:

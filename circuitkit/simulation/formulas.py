@@ -288,19 +288,23 @@ class _Checker:
             ExpressionError: A function has other arguments than it takes; says where.
         """
         match part:
+            case Call():
+                return self._call(part)
+            case Binary(operator=joint, left=left, right=right):
+                return Binary(joint, self.replaced(left), self.replaced(right), offset=part.offset)
+            case Unary(operator=sign, operand=operand):
+                return Unary(sign, self.replaced(operand), offset=part.offset)
+        return part
+
+    def _call(self, part: Call) -> Expression:
+        match part:
             case Call(function="outside"):
                 return self._outside(part)
             case Call(function="after" | "between"):
                 return self._window(part)
             case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
                 return self._reduction(part, argument)
-            case Call(function=function, arguments=arguments):
-                return Call(function, tuple(self.replaced(each) for each in arguments), offset=part.offset)
-            case Binary(operator=joint, left=left, right=right):
-                return Binary(joint, self.replaced(left), self.replaced(right), offset=part.offset)
-            case Unary(operator=sign, operand=operand):
-                return Unary(sign, self.replaced(operand), offset=part.offset)
-        return part
+        return Call(part.function, tuple(self.replaced(each) for each in part.arguments), offset=part.offset)
 
     def _outside(self, part: Call) -> Expression:
         arguments = part.arguments

@@ -78,7 +78,9 @@ class Judge:
     @property
     def units(self) -> dict[str, Unit | None]:
         """Unit of each measure, in the order of the table; None for true and false."""
-        found: dict[str, Unit | None] = {n: None if f.is_condition else f.unit for n, f in self.formulas.items()}
+        found: dict[str, Unit | None] = {
+            name: None if formula.is_condition else formula.unit for name, formula in self.formulas.items()
+        }
         for each in self.kinds:
             found |= each.units
         return found

@@ -1,4 +1,4 @@
-"""Functions that make one number of a channel over time, such as the largest value or how long a condition held."""
+"""Functions that make one number of a channel over time: the largest value, how long a condition held."""
 
 from __future__ import annotations
 
