@@ -17,17 +17,21 @@ if TYPE_CHECKING:
         load_circuit,
         parse_circuit,
     )
+    from circuitkit.control import CircuitController
     from circuitkit.draw import draw_activations, draw_circuit, draw_traces
     from circuitkit.engine import Program, State, Stepper, Trace, compile_circuit, run, step
+    from circuitkit.robots import Robot, load_robot
     from circuitkit.simulation import Recording, Scenario, compare, load_scenario, simulate
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "CircuitController",
     "CircuitGraph",
     "CircuitSpec",
     "Program",
     "Recording",
+    "Robot",
     "Scenario",
     "State",
     "Stepper",
@@ -41,6 +45,7 @@ __all__ = [
     "draw_circuit",
     "draw_traces",
     "load_circuit",
+    "load_robot",
     "load_scenario",
     "parse_circuit",
     "run",
@@ -50,8 +55,10 @@ __all__ = [
 
 _NAMES = {
     "circuit": "CircuitGraph CircuitSpec check circuit_schema load_circuit parse_circuit",
+    "control": "CircuitController",
     "draw": "draw_activations draw_circuit draw_traces",
     "engine": "Program State Stepper Trace compile_circuit run step",
+    "robots": "Robot load_robot",
     "simulation": "Recording Scenario compare load_scenario simulate",
 }
 _PACKAGE_OF = {name: f"{__name__}.{package}" for package, names in _NAMES.items() for name in names.split()}

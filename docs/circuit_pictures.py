@@ -15,7 +15,9 @@ from circuitkit import compile_circuit, load_circuit, run
 from circuitkit.biped.gait.lipm import natural_frequency
 from circuitkit.biped.view import BipedView
 from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
+from circuitkit.simulation import simulate
 from circuitkit.simulation.loop import run_loop
+from circuitkit.simulation.plots import draw_paths
 from circuitkit.study import CaseBuilder, load_study
 
 if TYPE_CHECKING:
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 IMAGES = Path(__file__).parent / "circuits" / "img"
-EXAMPLES = Path(__file__).parent.parent / "examples"
 TESTS = Path(__file__).parent.parent / "tests"  # where the theories stand that the pictures show
 WIDTH_IN = 7.2
 FEWEST_INTERVALS = 8  # for a coefficient of variation
@@ -288,21 +289,21 @@ def winner_take_all() -> Figure:
 
 
 def braitenberg_avoider() -> Figure:
-    """Left: a path in the arena of the example. Right: what the sensors see and how the wheels turn."""
-    arena = runpy.run_path(str(EXAMPLES / "avoid_the_walls.py"))
-    log = arena["drive"](60.0, (0.3, 0.3, 0.4))
+    """Left: a path in the arena of the vehicle. Right: what the sensors see and how the wheels turn."""
+    result = simulate("vehicle_avoids")
+    recording = result.recording
     figure = new_figure(WIDTH_IN, 3.3)
     figure.set_layout_engine("constrained")
     left, right = figure.subfigures(1, 2, width_ratios=[1.15, 1])
     axes = left.subplots()
-    arena["draw_path"](axes, log)
+    draw_paths(axes, [result])
+    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     tidy(axes, grid=False)
     above, below = right.subplots(2, 1, sharex=True)
-    part = log[:1000]
-    time_s = np.arange(1, len(part) + 1) / 100
+    time_s = recording.time_s[:1000]
     for number, side in enumerate(("left", "right")):
-        curve(above, time_s, 100 * part[:, 3 + number], number, side)
-        curve(below, time_s, part[:, 5 + number], number, side)
+        curve(above, time_s, 100 * recording.channel(f"distance_{side}")[:1000, 0], number, side)
+        curve(below, time_s, recording.command(f"wheel_{side}")[:1000, 0], number, side)
     above.axhline(30, color=GREY, linewidth=0.7)
     above.set(ylabel="distance [cm]", ylim=(0, 105))
     below.set(xlabel="time [s]", ylabel="wheel [rad/s]")

@@ -121,9 +121,10 @@ def _ankle_rolls(robot: RobotModel, biped: BipedBody) -> list[_AnkleRoll]:
         place = biped.leg_servo[block.roles.index(role)]
         joint, servo = robot.model.joint(block.joint(role).joint), robot.model.actuator(biped.servos[place])
         gear = abs(float(biped.gear[place]))
+        offset = block.joint(role).offset  # what the MJCF has for a leg that stands straight
         found.append(
             _AnkleRoll(
-                limit_rad=float(np.abs(joint.range).min()) if joint.limited[0] else math.pi,
+                limit_rad=float(np.abs(joint.range - offset).min()) if joint.limited[0] else math.pi,
                 torque_nm=float(servo.forcerange[1]) * gear if servo.forcelimited[0] else math.inf,
                 damping=-float(servo.biasprm[2]) * gear**2,
             )

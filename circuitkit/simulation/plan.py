@@ -128,7 +128,7 @@ class Plan:
             with self.scenario.located("controller") if given is None else nullcontext():
                 chosen = self._named(str(chosen))
         bind = getattr(chosen, "bind", None)
-        with self.scenario.located("connect"):
+        with self.scenario.located(""):
             made: Controller = chosen if bind is None else bind(self.interface)
         return made
 

@@ -159,24 +159,29 @@ def path_figure(results: Sequence[Result]) -> Figure | None:
     with house_style():
         low, high = _extent(results[0], ways)
         size = (high - low) * (_PATH_IN / (high - low).max())
-        words = [f"{result.recording.controller}: {result.outcome}" for result in results]
-        above = 0.35 + 0.18 * len(words)
+        above = 0.35 + 0.18 * len(results)
         figure = new_figure(size[0] + 1.0, size[1] + above + 0.55)
         axes = axes_at(figure, 0.75, above, *size)
         tidy(axes)
-        _surroundings(axes, results[0])
-        for i, (way, label) in enumerate(zip(ways, words, strict=True)):
-            if way is not None:
-                colour = INK if len(results) == 1 else CYCLE[i % len(CYCLE)]
-                axes.plot(*way.T, color=colour, linewidth=max(2.2 - 0.9 * i, 0.7), label=label)
-                axes.plot(*way[0], "o", color=colour, markersize=6)
-                axes.plot(*way[-1], "s", color=colour, markersize=6)
+        draw_paths(axes, results)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axes.set(xlabel="x [m]   (circle: start, square: end)", ylabel="y [m]")
         plain_legend(axes, "lower left", (0.0, 1.0), borderaxespad=0.2)
         width, height = figure.get_size_inches()
         figure.text(0.1 / width, 1 - 0.1 / height, results[0].scenario.scenario, va="top", fontsize=NORMAL)
     return figure
+
+
+def draw_paths(axes: Axes, results: Sequence[Result]) -> None:
+    """The way of each robot from above, from its circle to its square, among what stands around."""
+    _surroundings(axes, results[0])
+    for i, result in enumerate(results):
+        if (way := _way(result)) is not None:
+            colour = INK if len(results) == 1 else CYCLE[i % len(CYCLE)]
+            label = f"{result.recording.controller}: {result.outcome}"
+            axes.plot(*way.T, color=colour, linewidth=max(2.2 - 0.9 * i, 0.7), label=label)
+            axes.plot(*way[0], "o", color=colour, markersize=6)
+            axes.plot(*way[-1], "s", color=colour, markersize=6)
 
 
 def _extent(result: Result, ways: Sequence[Array | None]) -> tuple[Array, Array]:

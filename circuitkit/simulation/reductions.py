@@ -42,8 +42,7 @@ def _same(dimension: OpenDimension | None) -> OpenDimension | None:
 
 
 def _mean_so_far(x: Array, _: float) -> Array:
-    mean: Array = np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0)
-    return mean
+    return np.asarray(np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0), dtype=np.float64)
 
 
 def _holds(x: Array) -> NDArray[np.bool_]:

@@ -271,7 +271,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         """Give complaints that belong to no file the line of this scenario that they are about.
 
         Args:
-            key: What they are about if they do not say, such as `robot`.
+            key: What they are about if they do not say, such as `robot`; empty leaves those as they are.
         """
         try:
             yield
@@ -281,6 +281,8 @@ class Scenario(FileModel, metaclass=_TakesObjects):
 
     def _here(self, problem: Problem, key: str) -> Problem:
         where = problem.where or key
+        if not where:
+            return problem
         for length in range(len(parts := where.split(".")), 0, -1):
             shorter = ".".join(parts[:length])
             place = next((place for place in self._document.marks if place_text(place) == shorter), None)

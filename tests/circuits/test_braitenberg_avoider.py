@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
-import runpy
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from circuitkit.circuit import check, load_circuit
 from circuitkit.engine import compile_circuit, run
+from circuitkit.simulation import load_scenario, simulate
 
-ARENA = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "avoid_the_walls.py"))
 FORWARD, BACKWARD = 6.0, 2.0
+WHEEL_RADIUS_M = 0.03
 CALM = {"near_left.noise": "0 cm", "near_right.noise": "0 cm"}
 
 
@@ -67,13 +64,19 @@ def test_the_mirror_image_gives_the_mirror_image(program):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_in_an_arena_it_drives_on_and_touches_nothing(seed):
-    path = ARENA["drive"](30.0, (0.3, 0.3, 0.4 + seed), seed=seed)
-    assert ARENA["clearance_m"](path) > ARENA["AXLE_M"] / 2
-    length = np.hypot(*np.diff(path[-1000:, :2], axis=0).T).sum()
-    assert length > 0.6 * 10 * FORWARD * ARENA["WHEEL_RADIUS_M"]
+def test_in_the_arena_of_the_vehicle_it_drives_on_and_hardly_touches_anything(seed):
+    scenario = load_scenario("vehicle_avoids").model_copy(update={"duration": 30.0})
+    measures = simulate(scenario, seed=seed).measures
+    assert measures["survived"]
+    assert measures["touched_s"] < 0.5
+    assert measures["path"] > 0.6 * 30 * FORWARD * WHEEL_RADIUS_M
 
 
 def test_straight_in_front_of_a_wall_noise_decides():
-    ends = [ARENA["drive"](8.0, (1.0, 0.4, -math.pi / 2), seed=seed)[-1] for seed in range(4)]
-    assert all(abs(math.remainder(heading + math.pi / 2, 2 * math.pi)) > 0.5 for *_, heading in ends)
+    program = compile_circuit(load_circuit("braitenberg_avoider"))
+    ahead = program.pack_inputs({"distance_left": 0.2, "distance_right": 0.2})
+    ends = run(program, np.tile(ahead, (300, 8, 1))).readout[-1]  # of eight in a batch each has its own noise
+    turned_right = [bool(wheels[0] > wheels[1]) for wheels in ends]
+    assert all(abs(left - right) > FORWARD for left, right in ends)
+    assert True in turned_right
+    assert False in turned_right

@@ -14,24 +14,8 @@ import pytest
 
 import circuitkit as package
 from circuitkit.base.errors import InputError, Problem, SimulationError
+from circuitkit.cli.app import COMMANDS
 
-COMMANDS = (
-    "init",
-    "validate",
-    "format",
-    "show",
-    "diff",
-    "draw",
-    "run",
-    "schema",
-    "simulate",
-    "compare",
-    "sweep",
-    "tune",
-    "reproduce",
-    "design",
-    "bench",
-)
 MODULE = [sys.executable, "-m", "circuitkit"]
 
 
@@ -39,7 +23,10 @@ def test_help_lists_the_commands_in_the_order_of_use(circuitkit):
     outcome = circuitkit("--help")
     assert outcome.code == 0
     listed = outcome.out.split("Commands:")[1]
-    assert tuple(re.findall(r"^  (\w+)  ", listed, re.MULTILINE)) == COMMANDS
+    names = re.findall(r"^  (\w+)  ", listed, re.MULTILINE)
+    assert tuple(names) == COMMANDS
+    wanted = "init list validate format show diff draw run schema simulate compare sweep tune reproduce design bench"
+    assert [name for name in names if name in wanted.split()] == wanted.split()  # the contract; more may come
 
 
 @pytest.mark.parametrize("command", COMMANDS)

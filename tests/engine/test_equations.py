@@ -158,7 +158,7 @@ MEMORYLESS = [name for name in NEURON_MODEL_NAMES if not neuron_model(name).stat
 def test_every_model_computes_its_equation(build, name):
     model = neuron_model(name)
     parameters = {"slope": 7.5, "shift": 0.2, "low": -0.4, "high": 0.3, "gain": -1.5}
-    given_parameters = {key: parameters[key] for key in model.parameter_names}
+    given_parameters = {key: parameters.get(key, 0.7) for key in model.parameter_names}
     graph = build.circuit([build.neuron("n", name, **given_parameters)], [("u", "n", 1.0)])
     values = np.linspace(-2, 2, 101)
     output = run(compile_circuit(graph, "numpy"), values.reshape(-1, 1, 1)).output[:, 0, 0]

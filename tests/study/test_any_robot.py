@@ -122,3 +122,13 @@ def test_a_tuning_may_name_an_expression_of_its_own(tmp_path):
     )
     leans = [math.degrees(each["largest_lean"]) for each in recorded.measures]
     assert score.value == pytest.approx(sum(leans) / 2, rel=1e-12)
+
+
+def test_the_noise_in_a_circuit_follows_from_the_runs_seed_and_not_from_its_place_in_the_batch():
+    settings = {"push": [], "duration": "0.5 s", "circuit.right.noise": 0.1}
+    study = make_study(POLE)
+    with open_workers(1) as workers:
+        (together,) = run_cases(study, [settings], range(3), workers)
+        alone = [run_cases(study, [settings], [seed], workers)[0][0] for seed in range(3)]
+    assert list(together) == alone
+    assert len({outcome.values["furthest"] for outcome in together}) == 3
