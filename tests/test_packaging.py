@@ -51,10 +51,11 @@ def test_wheel_carries_the_package_with_all_its_data(wheel):
     assert {path.relative_to(ROOT).as_posix() for path in here} <= names
 
 
-def test_wheel_carries_circuits_and_scenarios_as_package_data(wheel):
+def test_wheel_carries_circuits_robots_and_scenarios_as_package_data(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
-    for folder in ("circuits", "sims"):
-        shipped = {path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("*.yaml")}
+    for folder in ("circuits", "robots", "sims"):
+        files = [path for path in (ROOT / folder).rglob("*") if path.suffix in DATA]
+        shipped = {path.relative_to(ROOT).as_posix() for path in files}
         assert shipped
         assert {f"circuitkit/_data/{name}" for name in shipped} <= names
 

@@ -10,11 +10,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.files import write_text
+from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.robots.model import drives_position
-from circuitkit.robots.parts import AXES, unit_of_sensor
+from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
 
 _NO_WORD = re.compile(r"\W+")
 _PLAIN = re.compile(r"[A-Za-z_][\w.\-/]*")
@@ -86,7 +87,18 @@ def _word(text: str) -> str:
 
 def _shown(name: str) -> str:
     """A name of the MJCF as an argument of an expression."""
-    return name if name.isidentifier() and not iskeyword(name) else f'"{name}"'
+    if name.isidentifier() and not iskeyword(name):
+        return name
+    return f"'{name}'" if '"' in name else f'"{name}"'
+
+
+def _can_be_read(expression: str) -> bool:
+    """Whether an expression can name the part; a name with both kinds of quotes cannot be put in quotes."""
+    try:
+        parse_expression(expression, (), units=True, references=ARITIES)
+    except ExpressionError:
+        return False
+    return True
 
 
 def _key(name: str) -> str:
@@ -138,7 +150,8 @@ def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:
             own += "_"
         taken.add(own)
         shown = '"1"' if unit == "1" else unit
-        lines.append(f"  {'' if used else '# '}{_key(own)}: {{unit: {shown}, is: {_quoted(expression)}}}")
+        mark = "" if used and _can_be_read(expression) else "# "
+        lines.append(f"  {mark}{_key(own)}: {{unit: {shown}, is: {_quoted(expression)}}}")
 
     _sensors(model, add)
     for name, _, kind in _moving(model):

@@ -241,7 +241,7 @@ def test_the_files_that_each_controller_leaves(tmp_path, pushed, fallen):
     for name in written:
         with Image.open(tmp_path / name) as picture:
             assert picture.format == "PNG"
-            assert min(picture.size) > 500
+            assert min(picture.size) > 300
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 3, 40])

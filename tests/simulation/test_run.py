@@ -65,7 +65,9 @@ def test_a_run_leaves_a_recording_and_a_verdict(mine, tmp_path):
     assert (tmp_path / "out" / "recording.csv").is_file()
     row = json.loads(json.dumps(result.row()))
     assert set(ROW) <= set(row)
-    assert row["push"] == {"force_n": 20.0, "duration_s": 0.2, "direction": "inward"}
+    assert row["push"] == {
+        "force_n": 20.0, "torque_nm": None, "duration_s": 0.2, "direction": "inward", "pushes": 1,
+    }  # fmt: skip
     assert (row["scenario"], row["controller"], row["seed"]) == ("mine", "circuit", 0)
     assert row["recording"] == str(result.path)
     assert row["interrupted"] is False
@@ -98,7 +100,8 @@ def test_the_seed_decides_all_chance(mine):
 def test_push_circuit_and_controller_can_be_given(mine):
     path = mine()
     pushed = simulate(path, push="5N,100ms,outward", controller="open_loop")
-    assert (pushed.push.force, pushed.push.direction) == (5.0, "outward")
+    (push,) = pushed.pushes
+    assert (push.force, push.direction) == (5.0, "outward")
     assert pushed.recording.push_n.sum() * 0.01 == pytest.approx(0.5)
     assert pushed.recording.controller == "open_loop"
     tuned = simulate(path, circuit="binn_lateral_tuned", push="5N,100ms,outward")
