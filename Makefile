@@ -30,12 +30,15 @@ $(READY): requirements.lock pyproject.toml
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-demo: $(READY)  ## checks and draws the BiNN, pushes the walking NAO under two controllers; results in out/demo
+demo: $(READY)  ## draws the BiNN, pushes the walking NAO without and with it, drives a vehicle; films in out/demo
 	$(BIN)/circuitkit validate binn_lateral
 	$(BIN)/circuitkit draw binn_lateral -o out/demo/binn_lateral.png
 	$(BIN)/circuitkit draw binn_lateral --what activations -o out/demo/binn_lateral_activations.png
-	$(BIN)/circuitkit compare nao_push --controllers open_loop,circuit --video -o out/demo
-	@echo "pictures, recordings and videos: out/demo"
+	$(BIN)/circuitkit compare nao_push --controllers open_loop,circuit --video -o out/demo/nao_push
+	$(BIN)/circuitkit simulate vehicle_avoids --video -o out/demo/vehicle_avoids
+	@echo "the circuit:  out/demo/binn_lateral.png and binn_lateral_activations.png"
+	@echo "the NAO:      out/demo/nao_push/video.mp4 and compare.png; a folder with plots and recordings for each controller"
+	@echo "the vehicle:  out/demo/vehicle_avoids/video.mp4, path.png, channels.png, neurons.png"
 
 check: $(READY)  ## style, types and the layers of packages
 	$(BIN)/ruff check .

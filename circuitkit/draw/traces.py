@@ -208,7 +208,7 @@ def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel, lift_
             time_s,
             _as_long(line.values, time_s, line.name),
             color=line.colour or CYCLE[i % len(CYCLE)],
-            linestyle=line.dashes or DASHES[i // len(CYCLE) % len(DASHES)],
+            linestyle=line.dashes or DASHES[i // 2 % len(DASHES)],  # two tones apart in grey, then dashes
             linewidth=line.width,
             label=line.name or None,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -25,6 +26,7 @@ FRAMES_PER_S = 25
 SCENE_HEIGHT = 440
 FRAME_SIZE = (PANEL_WIDTH, SCENE_HEIGHT + PANEL_HEIGHT)
 
+_LONGEST_S = 30.0  # of a film
 _VERDICT_S = 1.5  # for so long at the end the film says how it ended
 _RED = "#c8201a"
 _GAP = 4  # between films side by side, [pixels]
@@ -33,7 +35,10 @@ _QUALITY = ("-preset", "veryfast", "-crf", "21")
 
 
 def film(results: Sequence[Result], path: Path, *, progress: bool = False) -> Path:
-    """Write runs next to each other as one MP4 in real time; one that is over early fades and waits.
+    """Write runs next to each other as one MP4; one that is over early fades and waits.
+
+    The film runs in real time, or where that would be longer than half a minute, so many times as fast that it
+    is not.
 
     Args:
         results: At least one run, the one on the left first.
@@ -46,11 +51,13 @@ def film(results: Sequence[Result], path: Path, *, progress: bool = False) -> Pa
         OutputError: The file cannot be written.
     """
     encode = _encoder()
-    length = max(frame_count(result) for result in results)
+    longest_s = max(result.recording.ticks * result.recording.step_s for result in results)
+    pace = max(math.ceil(longest_s / _LONGEST_S), 1)
+    length = max(frame_count(result, pace) for result in results)
     width = len(results) * FRAME_SIZE[0] + (len(results) - 1) * _GAP
     with ExitStack() as stack:
         show = stack.enter_context(progress_bar("film", length, shown=progress))
-        reels = [stack.enter_context(closing(Reel(result))) for result in results]
+        reels = [stack.enter_context(closing(Reel(result, pace))) for result in results]
         part = stack.enter_context(replacing(path))
         write = stack.enter_context(encode(part, (width, FRAME_SIZE[1])))
         for number, frame in enumerate(_joined(reels, length, width)):
@@ -60,23 +67,27 @@ def film(results: Sequence[Result], path: Path, *, progress: bool = False) -> Pa
     return path
 
 
-def frame_count(result: Result) -> int:
-    """How many frames a run has: its duration times the frames per second."""
+def frame_count(result: Result, pace: int = 1) -> int:
+    """How many frames a run has that is shown so many times as fast as it was."""
     duration_s = result.recording.ticks * result.recording.step_s
-    return max(round(duration_s * FRAMES_PER_S), 1)
+    return max(round(duration_s * FRAMES_PER_S / pace), 1)
 
 
 class Reel:
     """The frames of one run."""
 
-    def __init__(self, result: Result) -> None:
+    def __init__(self, result: Result, pace: int = 1) -> None:
         """Set everything up for `frame`.
+
+        Args:
+            result: The run.
+            pace: How many times as fast it is shown.
 
         Raises:
             RendererError: There is no off-screen renderer.
         """
         recording = result.recording
-        self.length = frame_count(result)
+        self.length, self._pace = frame_count(result, pace), pace
         self._summary = summarise(result)
         self._panel = Panel(result, self._summary)
         self._scene = CameraScene(recording, PANEL_WIDTH, SCENE_HEIGHT)
@@ -88,7 +99,7 @@ class Reel:
         """A frame by its number; after the last one, the last one, faded."""
         from PIL import Image  # an extra
 
-        time_s = min(number, self.length - 1) / FRAMES_PER_S
+        time_s = min(number, self.length - 1) * self._pace / FRAMES_PER_S
         row = max(round(time_s / self._summary.step_s) - 1, 0)
         row = min(row, len(self._summary.time_s) - 1)
         push = self.push_at(time_s)
@@ -114,6 +125,8 @@ class Reel:
         good = summary.good
         if time >= (summary.time_s[-1] - _VERDICT_S if summary.ended_s is None else summary.ended_s):
             _write(pen, (14, 44), summary.outcome, 17, "la", bold=True, fill=INK if good else _RED)
+        if self._pace > 1:
+            _write(pen, (scene.width - 14, 40), f"{self._pace} times as fast", 14, "ra")
         if push is not None:
             x, y = self._scene.beside_arrow(push)
             at = (min(max(x, 40), scene.width - 40), y - 12)

@@ -59,7 +59,9 @@ class Panel:
         self._shown = dict(zip(names, values.T, strict=True))
         units = channels_of_interest([result])
         self._units = {name: shown_unit(self._shown[name], units[name]) for name in names if name in units}
-        chosen = [*recording.observation_names[: _MOST_ROWS - 1], *recording.command_names[:1]]
+        wanted = () if graph is None else tuple(each.name for each in graph.inputs)
+        chosen = [name for name in recording.observation_names or wanted if name in units][: _MOST_ROWS - 1]
+        chosen += recording.command_names[:1]
         chosen += [name for name in units if name not in chosen]
         self._rows = [
             _Row(name, units[name], values_of(result, name)) for name in chosen[:_MOST_ROWS] if name in units

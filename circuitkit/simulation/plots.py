@@ -44,7 +44,7 @@ _FEW = 4
 _SHOWN_IN = {"m": "mm", "m/s": "mm/s"}  # where the values are small
 _SMALL = 0.3  # up to which values are
 _PATH_IN = 4.2  # longer side of the picture of a path
-_NARROWEST = 0.25  # shorter side of it, at least, as a share of the longer one
+_NARROWEST = 0.45  # shorter side of it, at least, as a share of the longer one
 _ALONG = 0.9  # cosine to an axis from which on a slide goes along it
 _BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 _ROUND = frozenset(
@@ -179,7 +179,8 @@ def draw_paths(axes: Axes, results: Sequence[Result]) -> None:
         if (way := _way(result)) is not None:
             colour = INK if len(results) == 1 else CYCLE[i % len(CYCLE)]
             label = f"{result.recording.controller}: {result.outcome}"
-            axes.plot(*way.T, color=colour, linewidth=max(2.2 - 0.9 * i, 0.7), label=label)
+            width = 1.3 if len(results) == 1 else max(2.2 - 0.9 * i, 0.7)
+            axes.plot(*way.T, color=colour, linewidth=width, label=label)
             axes.plot(*way[0], "o", color=colour, markersize=6)
             axes.plot(*way[-1], "s", color=colour, markersize=6)
 
