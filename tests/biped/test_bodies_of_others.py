@@ -29,7 +29,9 @@ def numbers(text):
 
 
 def shifted(element, key, way):
-    element.attrib[key] = " ".join(f"{a + b:.9g}" for a, b in zip(numbers(element.get(key, "0 0 0")), way, strict=True))
+    element.attrib[key] = " ".join(
+        f"{a + b:.9g}" for a, b in zip(numbers(element.get(key, "0 0 0")), way, strict=True)
+    )
 
 
 def other_nao(folder, **biped):
@@ -62,7 +64,9 @@ def other_nao(folder, **biped):
         if part.tag in {"body", "inertial", "site", "geom"}:
             if "fromto" in part.attrib:
                 ends = numbers(part.attrib["fromto"])
-                part.attrib["fromto"] = " ".join(f"{v + AHEAD_M * (i % 3 == 0):.9g}" for i, v in enumerate(ends))
+                part.attrib["fromto"] = " ".join(
+                    f"{v + AHEAD_M * (i % 3 == 0):.9g}" for i, v in enumerate(ends)
+                )
             else:
                 shifted(part, "pos", (AHEAD_M, 0, 0))
     shifted(torso, "pos", (START_X_M, 0, TABLE_M))
@@ -86,7 +90,8 @@ def other_nao(folder, **biped):
     block = {
         "torso": new["torso"],
         "feet": {"left": {"body": new["l_ankle"]}, "right": {"body": new["r_ankle"]}},
-        "joints": joints | {role: {"joint": joints[role], "offset": f"{angle} rad"} for role, angle in bent.items()},
+        "joints": joints
+        | {role: {"joint": joints[role], "offset": f"{angle} rad"} for role, angle in bent.items()},
     }
     hold = {new[name]: angle for name, angle in file["hold"].items()}
     robot = {"robot": "other", "mjcf": "other.xml", "timestep": "2 ms", "hold": hold, "biped": block | biped}
@@ -101,7 +106,11 @@ def _servos():
     found = {}
     for i in range(model.nu):
         name = model.joint(int(model.actuator_trnid[i, 0])).name
-        found[name] = (model.actuator_gainprm[i, 0], -model.actuator_biasprm[i, 2], model.actuator_forcerange[i, 1])
+        found[name] = (
+            model.actuator_gainprm[i, 0],
+            -model.actuator_biasprm[i, 2],
+            model.actuator_forcerange[i, 1],
+        )
     return found
 
 
@@ -150,7 +159,9 @@ def test_the_cells_of_a_foot_share_its_load(folder):
 def standing(folder):
     path = folder / "robot.yaml"
     scenario = load_scenario("nao_stands").with_disturbances(())
-    return simulate(scenario.model_copy(update={"robot": str(path), "duration": 2.0, "measures": {}, "circuit": None}))
+    return simulate(
+        scenario.model_copy(update={"robot": str(path), "duration": 2.0, "measures": {}, "circuit": None})
+    )
 
 
 def test_the_plan_is_that_of_the_shipped_nao(folder):
@@ -161,13 +172,17 @@ def test_the_plan_is_that_of_the_shipped_nao(folder):
     made = theirs.body.motion.targets[:, found.servos][:, found.leg_servo]
     np.testing.assert_allclose((made - found.leg_offset) * found.leg_sign, planned, atol=1e-4)
     np.testing.assert_allclose(
-        theirs.interface.planned["planned_com_y"].values, mine.interface.planned["planned_com_y"].values, atol=1e-5
+        theirs.interface.planned["planned_com_y"].values,
+        mine.interface.planned["planned_com_y"].values,
+        atol=1e-5,
     )
 
 
 def walk_of(robot):
     scenario = load_scenario("nao_push").with_disturbances(())
-    return make_plan(scenario.model_copy(update={"robot": robot, "duration": 4.0, "circuit": None, "measures": {}}))
+    return make_plan(
+        scenario.model_copy(update={"robot": robot, "duration": 4.0, "circuit": None, "measures": {}})
+    )
 
 
 # --- it walks and is pushed ---------------------------------------------------------------------------------
@@ -210,7 +225,9 @@ def said(folder, **joints):
 
 
 def test_a_sign_that_the_axis_contradicts_is_refused(tmp_path):
-    name = yaml.safe_load(other_nao(tmp_path).read_text(encoding="utf-8"))["biped"]["joints"]["left_hip_pitch"]
+    name = yaml.safe_load(other_nao(tmp_path).read_text(encoding="utf-8"))["biped"]["joints"][
+        "left_hip_pitch"
+    ]
     message = said(tmp_path, left_hip_pitch={"joint": name, "sign": 1})
     assert message.endswith(
         f"biped.joints.left_hip_pitch: '{name}' turns about (0, -1, 0), found sign: 1; allowed: sign: -1, or none"
@@ -264,7 +281,9 @@ def test_feet_go_where_the_walk_wants_them_on_legs_of_another_build(folder, tmp_
             if knee in own:
                 shifted(body, "pos", (0.01, 0, 0.02))
     tree.write(tmp_path / "other.xml")
-    (tmp_path / "robot.yaml").write_text((folder / "robot.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "robot.yaml").write_text(
+        (folder / "robot.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     plan = walk_of(str(tmp_path / "robot.yaml"))
     body, walk = biped_of(plan.robot), plan.body.motion.knowledge.walk
     data = mujoco.MjData(body.model)
@@ -274,10 +293,18 @@ def test_feet_go_where_the_walk_wants_them_on_legs_of_another_build(folder, tmp_
         for side in range(2):
             foot = data.xpos[body.feet_id[side]] - body.origin_m
             wanted = walk.schedule.feet_x_m[tick, side], walk.schedule.lift_m[tick, side]
-            np.testing.assert_allclose(foot[[0, 2]], [wanted[0], body.block.legs.ankle_height + wanted[1]], atol=1e-6)
+            np.testing.assert_allclose(
+                foot[[0, 2]], [wanted[0], body.block.legs.ankle_height + wanted[1]], atol=1e-6
+            )
             assert data.xmat[body.feet_id[side]].reshape(3, 3)[2, 2] == pytest.approx(1, abs=1e-9)
     scenario = load_scenario("nao_push").with_disturbances(())
     calm = scenario.model_copy(
-        update={"robot": str(tmp_path / "robot.yaml"), "duration": 6.0, "circuit": None, "controller": None, "measures": {}}
+        update={
+            "robot": str(tmp_path / "robot.yaml"),
+            "duration": 6.0,
+            "circuit": None,
+            "controller": None,
+            "measures": {},
+        }
     )
     assert simulate(calm).survived
