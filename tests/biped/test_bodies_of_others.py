@@ -1,4 +1,4 @@
-"""Bipeds as others build them: other names and axes, bent zeros, own servos and time steps, things lying around."""
+"""Bipeds as others build them: other names, axes, zeros, servos and time steps, and things lying around."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def shifted(element, key, way):
 def other_nao(folder, **biped):
     """A NAO that another author might have written, and a robot file that says as little as it can.
 
-    Five axes of the legs point the other way, three joints are not 0 where ours are, the hips are ahead of the
-    torso's frame, servos are the MJCF's own with limits by default, steps take 3 ms, the ground is a box in a
+    Five axes of the legs point the other way, three joints are not 0 where ours are, the hips are ahead of
+    the torso's frame, servos are the MJCF's own with limits by default, steps take 3 ms, the ground is a box in a
     body, a heavy ball and sites with the names of force cells lie around.
     """
     tree = shipped_mjcf()
@@ -230,7 +230,8 @@ def test_a_sign_that_the_axis_contradicts_is_refused(tmp_path):
     ]
     message = said(tmp_path, left_hip_pitch={"joint": name, "sign": 1})
     assert message.endswith(
-        f"biped.joints.left_hip_pitch: '{name}' turns about (0, -1, 0), found sign: 1; allowed: sign: -1, or none"
+        f"biped.joints.left_hip_pitch: '{name}' turns about (0, -1, 0), found sign: 1; "
+        "allowed: sign: -1, or none"
     )
 
 
@@ -265,7 +266,7 @@ def test_a_walk_past_a_stop_is_refused(folder):
 
 
 def test_feet_go_where_the_walk_wants_them_on_legs_of_another_build(folder, tmp_path):
-    """Hip axes 20 mm apart, the knee 10 mm ahead: eqs. 3-10 miss by millimetres, Newton's method by nothing."""
+    """Hip axes 20 mm apart, the knee 10 mm ahead: eqs. 3-10 miss, Newton's method by nothing."""
     other(folder)
     tree = ET.parse(folder / "other.xml")
     names = yaml.safe_load((folder / "robot.yaml").read_text(encoding="utf-8"))["biped"]["joints"]
