@@ -38,8 +38,8 @@ def other_nao(folder, **biped):
     """A NAO that another author might have written, and a robot file that says as little as it can.
 
     Five axes of the legs point the other way, three joints are not 0 where ours are, the hips are ahead of
-    the torso's frame, servos are the MJCF's own with limits by default, steps take 3 ms, the ground is a box in a
-    body, a heavy ball and sites with the names of force cells lie around.
+    the torso's frame, servos are the MJCF's own with limits by default, steps take 3 ms, the ground is a box
+    in a body, a heavy ball and sites with the names of force cells lie around.
     """
     tree = shipped_mjcf()
     root, file = tree.getroot(), shipped_file()
