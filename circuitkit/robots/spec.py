@@ -56,6 +56,11 @@ def _quantity(value: object) -> object:
     return str(value)
 
 
+def _number_as_text(value: object) -> object:
+    """A constant as the text of an expression."""
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
 UnitText = Annotated[
     str,
     BeforeValidator(lambda value: "1" if value == 1 and value is not True else value),
@@ -96,7 +101,7 @@ class ChannelSpec(_WithUnit):
 
     model_config = ConfigDict(populate_by_name=True)
 
-    expression: str = Field(
+    expression: Annotated[str, BeforeValidator(_number_as_text)] = Field(
         alias="is", description="Expression over the MJCF's parts, such as sensor(eye_left)."
     )
     range: tuple[AnyQuantity, AnyQuantity] | None = Field(

@@ -18,7 +18,7 @@ from circuitkit.robots.model import drives_position
 from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
 
 _NO_WORD = re.compile(r"\W+")
-_PLAIN = re.compile(r"[A-Za-z_][\w.\-/]*")
+_PLAIN = re.compile(r"[A-Za-z_/][\w.\-/]*")
 _YAML_WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
 _TAKEN = frozenset({"t", "ended"})  # of measures
 _SHOWN_COMPONENTS = 6  # further numbers of a sensor, such as a skin's, are comments

@@ -1,4 +1,4 @@
-"""Bipeds as others build them: other names and axes, bent zeros, own servos and time steps, loose things."""
+"""Bipeds as others build them: other names, axes, zeros, servos and time steps, and things lying around."""
 
 from __future__ import annotations
 
@@ -230,8 +230,8 @@ def test_a_sign_that_the_axis_contradicts_is_refused(tmp_path):
     ]
     message = said(tmp_path, left_hip_pitch={"joint": name, "sign": 1})
     assert message.endswith(
-        f"biped.joints.left_hip_pitch: '{name}' turns about (0, -1, 0), found sign: 1; allowed: sign: -1, "
-        "or none"
+        f"biped.joints.left_hip_pitch: '{name}' turns about (0, -1, 0), found sign: 1; "
+        "allowed: sign: -1, or none"
     )
 
 
@@ -266,7 +266,7 @@ def test_a_walk_past_a_stop_is_refused(folder):
 
 
 def test_feet_go_where_the_walk_wants_them_on_legs_of_another_build(folder, tmp_path):
-    """Hip axes 20 mm apart, the knee 10 mm ahead: the equations miss by millimetres, Newton by nothing."""
+    """Hip axes 20 mm apart, the knee 10 mm ahead: eqs. 3-10 miss, Newton's method by nothing."""
     other(folder)
     tree = ET.parse(folder / "other.xml")
     names = yaml.safe_load((folder / "robot.yaml").read_text(encoding="utf-8"))["biped"]["joints"]
