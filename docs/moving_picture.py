@@ -22,10 +22,9 @@ PUSHED = (("nao_push", 5.0), ("quadruped_trots", 4.4))  # scenario, and where th
 STILLS = {  # scenario and time of the still of a robot, [s]
     "arm": ("arm_reflex", 1.4),
     "cartpole": ("cartpole_balances", 10.4),
-    "hexapod": ("hexapod_walks", 3.0),
     "lamprey": ("lamprey_swims", 8.0),
     "nao": ("nao_push", 5.7),
-    "quadruped": ("quadruped_trots", 5.1),
+    "quadruped": ("quadruped_trots", 5.2),
     "vehicle": ("vehicle_avoids", 12.0),
 }
 DURATION_S = 4.2
@@ -34,7 +33,6 @@ SCALE = 0.65
 GAP = 6  # between the robots, [pixels]
 QUALITY = 58
 STILL_SIZE = (320, 220)
-CLOSER = {"arm": (150, 100, 550, 375), "lamprey": (160, 110, 480, 330)}  # the part of the scene that is shown
 
 
 def frames() -> Iterator[Image.Image]:
@@ -69,8 +67,7 @@ def write_stills() -> None:
 
     for robot, (scenario, time_s) in STILLS.items():
         with contextlib.closing(Reel(simulate(scenario))) as reel:
-            frame = reel.frame(round(time_s * FRAMES_PER_S))
-        scene = frame.crop(CLOSER.get(robot, (0, 0, FRAME_SIZE[0], SCENE_HEIGHT)))
+            scene = reel.frame(round(time_s * FRAMES_PER_S)).crop((0, 0, FRAME_SIZE[0], SCENE_HEIGHT))
         with replacing(IMAGES / f"robot_{robot}.webp") as part:
             scene.resize(STILL_SIZE, Image.Resampling.LANCZOS).save(part, format="WEBP", quality=85, method=6)
 

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
+from circuitkit.base.errors import MissingDependencyError
 from circuitkit.base.files import replacing, write_text
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.circuit import CircuitGraph
@@ -117,6 +119,23 @@ class Recording:
     def columns(self, robot: int = 0) -> dict[str, Array]:
         """Everything of one robot as columns by name; each of shape (T,), SI units."""
         return {name: values for name, (values, _) in self._columns(robot).items()}
+
+    def to_xarray(self, robot: int = 0) -> Any:  # noqa: ANN401 - an extra
+        """The same as an `xarray.Dataset` over `time_s`, with the unit of each column among its attributes.
+
+        Raises:
+            MissingDependencyError: xarray is not installed.
+        """
+        try:
+            import xarray as xr  # an extra
+        except ImportError as error:
+            package, extra, purpose = "xarray", "data", "to_xarray"
+            raise MissingDependencyError(package, extra, purpose) from error
+        columns = self._columns(robot)
+        time_s, unit = columns.pop("time_s")
+        data = {name: ("time_s", values, {"units": each}) for name, (values, each) in columns.items()}
+        attributes = {"controller": self.controller, "seed": self.specs[robot].seed}
+        return xr.Dataset(data, {"time_s": ("time_s", time_s, {"units": unit})}, attributes)
 
     def _columns(self, robot: int) -> dict[str, tuple[Array, str]]:
         """The columns with their units: names end in the unit where there is one."""
