@@ -1,7 +1,7 @@
 """The closed loop against bare physics: the same robot, the same targets, the same number of physics steps.
 
-The loop is everything: reference, sensors with noise, circuit, recording. Bare is nothing but `mj_step`, or, for
-many robots, `mujoco.batch.Batch.step`, with the controls of the reference written once a control step.
+The loop is everything: reference, sensors with noise, circuit, recording. Bare is nothing but `mj_step`, or,
+for many robots, `mujoco.batch.Batch.step`, with the controls of the reference written once a control step.
 """
 
 from __future__ import annotations
