@@ -1,7 +1,8 @@
 """The closed loop against bare physics: the same robot, the same targets, the same number of physics steps.
 
-The loop is everything: reference, sensors with noise, circuit, recording. Bare is nothing but `mj_step`, or, for
-many robots, `mujoco.batch.Batch.step`, with the controls of the reference written once a control step.
+The loop is everything: reference, sensors with noise, circuit, recording. Bare is nothing but `mj_step`, or,
+for many robots, `mujoco.batch.Batch.step`, with the controls that the loop has sent, written once a control
+step: what touches what, and so the work of the physics, is the same.
 """
 
 from __future__ import annotations
@@ -9,8 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
 from mujoco.batch import Batch
 
+from circuitkit.control import Array
 from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation import Plan, RunSpec, load_scenario, make_plan
 from circuitkit.simulation.disturbances.noise import Noise
@@ -49,15 +52,15 @@ class _Loop:
         """One robot, recorded, and `mj_step`."""
         plan = self.plan(self.alone_s)
         setup = _setup(plan, 1)
-        model, targets = plan.robot.model, plan.body.motion.targets
+        model, controls = plan.robot.model, _controls(setup)[:, 0]
         data = mujoco.MjData(model)
         substeps = substeps_of(plan.robot, plan.body.step_s)
 
         def bare() -> None:
             mujoco.mj_resetData(model, data)
             data.qpos = plan.body.motion.start_qpos
-            for tick in range(plan.ticks):
-                data.ctrl = targets[min(tick, len(targets) - 1)]
+            for control in controls:
+                data.ctrl = control
                 for _ in range(substeps):
                     mujoco.mj_step(model, data)
 
@@ -67,7 +70,7 @@ class _Loop:
         """Many robots, recorded or only measured, and `Batch.step`."""
         plan = self.plan(self.together_s)
         setup = _setup(plan, _TOGETHER)
-        bare = bare_batch(plan, _TOGETHER)
+        bare = bare_batch(plan, _controls(setup))
         return (lambda: run_loop(setup)) if recorded else (lambda: run_and_watch(setup)), bare
 
 
@@ -76,17 +79,31 @@ def _setup(plan: Plan, batch: int) -> Setup:
     return plan.setup(plan.controller(), specs)
 
 
-def bare_batch(plan: Plan, batch: int) -> Work:
-    """Steps a batch along the targets of a plan, and nothing else."""
-    worlds = Batch(plan.robot.model, batch)
+def _controls(setup: Setup) -> Array:
+    """What the loop sends to the actuators; shape (T, B, nu)."""
+    recording = run_loop(setup)
+    targets = setup.motion.targets
+    sent = np.broadcast_to(targets[:, np.newaxis], (setup.ticks, len(setup.specs), targets.shape[1])).copy()
+    for name in recording.command_names:
+        command = setup.robot.commands[name]
+        values = recording.command(name)
+        if command.limits is not None:
+            values = np.clip(values, *command.limits)
+        sent += values[..., np.newaxis] * command.factors
+    return sent
+
+
+def bare_batch(plan: Plan, controls: Array) -> Work:
+    """Steps a batch with these controls, shape (T, B, nu), and does nothing else."""
+    worlds = Batch(plan.robot.model, controls.shape[1])
     ctrl, qpos, qvel = worlds.bind("ctrl"), worlds.bind("qpos"), worlds.bind("qvel")
-    targets, substeps = plan.body.motion.targets, substeps_of(plan.robot, plan.body.step_s)
+    substeps = substeps_of(plan.robot, plan.body.step_s)
 
     def bare() -> None:
         worlds.reset()
         qpos[:], qvel[:] = plan.body.motion.start_qpos, 0.0
-        for tick in range(plan.ticks):
-            ctrl[:] = targets[min(tick, len(targets) - 1)]
+        for control in controls:
+            ctrl[:] = control
             worlds.step(nstep=substeps)
 
     return bare

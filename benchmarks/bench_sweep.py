@@ -12,6 +12,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.bench_loop import bare_batch
 from circuitkit.study import CaseBuilder, Study, load_study, sweep
 from circuitkit.study.bench import Amount
@@ -61,8 +63,9 @@ def _prepare() -> Callable[[], float]:
 
 def _bare(study: Study) -> Callable[[], None]:
     plan = CaseBuilder(study).of_cell(study.cells[0]).plan()
-    size = BATCH * processors()
-    batches = [bare_batch(plan, min(size, _SEEDS - done)) for done in range(0, _SEEDS, size)]
+    targets, size = plan.body.motion.targets, BATCH * processors()
+    counts = [min(size, _SEEDS - done) for done in range(0, _SEEDS, size)]
+    batches = [bare_batch(plan, np.repeat(targets[:, np.newaxis], count, axis=1)) for count in counts]
 
     def step_all() -> None:
         for step in batches:

