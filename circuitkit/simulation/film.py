@@ -37,8 +37,8 @@ _QUALITY = ("-preset", "veryfast", "-crf", "21")
 def film(results: Sequence[Result], path: Path, *, progress: bool = False) -> Path:
     """Write runs next to each other as one MP4; one that is over early fades and waits.
 
-    The film runs in real time, or where that would be longer than half a minute, so many times as fast that it
-    is not.
+    The film runs in real time, or where that would be longer than half a minute, so many times as fast that
+    it is not.
 
     Args:
         results: At least one run, the one on the left first.

@@ -12,6 +12,7 @@ from circuitkit.simulation import Result, simulate
 from circuitkit.simulation.film import FRAMES_PER_S, Reel
 
 IMAGES = Path(__file__).parent / "img"
+CARRIES_N = 0.2
 LEGS = ("L1", "L2", "L3", "R1", "R2", "R3")
 
 
@@ -29,8 +30,10 @@ def write_footfalls(result: Result) -> None:
         axes = figure.add_axes((0.07, 0.2, 0.91, 0.68))
         tidy(axes, grid=False)
         for row, leg in enumerate(LEGS):
-            stands = recording.channel(f"{leg}_load")[:, 0] > 0.2
-            axes.fill_between(recording.time_s, row - 0.4, np.where(stands, row + 0.4, row - 0.4), step="pre", color=INK)
+            stands = recording.channel(f"{leg}_load")[:, 0] > CARRIES_N
+            axes.fill_between(
+                recording.time_s, row - 0.4, np.where(stands, row + 0.4, row - 0.4), step="pre", color=INK
+            )
         axes.axvline(5.0, color=INHIBITORY, linewidth=1.2)
         axes.set(xlim=(2, 10), xlabel="time [s]   (black: the leg carries more than 0.2 N)", yticks=range(6))
         axes.set_yticklabels(LEGS)

@@ -25,7 +25,9 @@ OF_ROBOTS = {name for name in SHIPPED if f"circuits/{name}.yaml" in ROBOT_PAGES}
 
 
 NAMES = [name for name in SHIPPED if family_of(name) == name != OF_THE_README and name not in OF_ROBOTS]
-VARIANTS = [name for name in SHIPPED if family_of(name) not in {name, OF_THE_README} and name not in OF_ROBOTS]
+VARIANTS = [
+    name for name in SHIPPED if family_of(name) not in {name, OF_THE_README} and name not in OF_ROBOTS
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -20,7 +20,7 @@ axes:
   push.direction: [inward, outward]
 seeds: {count: 2}
 """
-SEARCH = 'search: {field: push.force, low: 0 N, high: 45 N, step: 15 N, check_below: 0}\n'
+SEARCH = "search: {field: push.force, low: 0 N, high: 45 N, step: 15 N, check_below: 0}\n"
 
 
 @pytest.fixture
