@@ -22,6 +22,7 @@ PUSHED = (("nao_push", 5.0), ("quadruped_trots", 4.4))  # scenario, and where th
 STILLS = {  # scenario and time of the still of a robot, [s]
     "arm": ("arm_reflex", 1.4),
     "cartpole": ("cartpole_balances", 10.4),
+    "hexapod": ("hexapod_walks", 3.0),
     "lamprey": ("lamprey_swims", 8.0),
     "nao": ("nao_push", 5.7),
     "quadruped": ("quadruped_trots", 5.2),
