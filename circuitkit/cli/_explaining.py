@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 def show_neuron(graph: CircuitGraph, name: str, picture: Path | None, *, as_json: bool) -> None:
     """Print an explanation of a neuron, and draw its curve if there is a file to draw it to."""
-    told = explain(graph, name)
-    node = told.node
-    neuron = node if isinstance(node, Neuron) else member(node, told.index or 0)
+    explanation = explain(graph, name)
+    node = explanation.node
+    neuron = node if isinstance(node, Neuron) else member(node, explanation.index or 0)
     curve = response(neuron, *span([neuron]))
     if picture is not None:
         from circuitkit.draw import draw_activations  # here, for the start-up: see app.py
@@ -30,25 +30,25 @@ def show_neuron(graph: CircuitGraph, name: str, picture: Path | None, *, as_json
             replace(graph, neurons=(alone,), populations=(), synapses=(), projections=(), outputs=()), picture
         )
     if as_json:
-        print_json(_document(told, neuron, curve))
+        print_json(_document(explanation, neuron, curve))
     else:
-        _print(told, neuron, curve)
+        _print(explanation, neuron, curve)
     if picture is not None:
         note(f"wrote {picture}")
 
 
-def _document(told: Explanation, neuron: Neuron, curve: Response) -> dict[str, object]:
+def _document(explanation: Explanation, neuron: Neuron, curve: Response) -> dict[str, object]:
     return {
-        "name": told.name,
-        "model": told.model.name,
-        "role": told.node.role,
-        "description": told.node.description,
-        "origin": str(told.node.origin),
+        "name": explanation.name,
+        "model": explanation.model.name,
+        "role": explanation.node.role,
+        "description": explanation.node.description,
+        "origin": str(explanation.node.origin),
         "unit": neuron.activation_unit.symbol,
-        "equations": told.equations(),
-        "values": told.values(),
-        "inputs": [_row(each) for each in told.incoming],
-        "outputs": [_row(each) for each in told.outgoing],
+        "equations": explanation.equations(),
+        "values": explanation.values(),
+        "inputs": [_row(each) for each in explanation.incoming],
+        "outputs": [_row(each) for each in explanation.outgoing],
         "curve": {
             "what": curve.what,
             "activation": (curve.activation / neuron.activation_unit.scale).tolist(),
@@ -62,10 +62,10 @@ def _row(connection: Connection) -> dict[str, object]:
     return {**asdict(connection), "origin": str(connection.origin)}
 
 
-def _print(told: Explanation, neuron: Neuron, curve: Response) -> None:
-    node, model = told.node, told.model
-    what = "neuron" if node is neuron else "member" if told.index is not None else "population"
-    print(f"{told.name}: {node.role} {what}, {model.name}")
+def _print(explanation: Explanation, neuron: Neuron, curve: Response) -> None:
+    node, model = explanation.node, explanation.model
+    what = "neuron" if node is neuron else "member" if explanation.index is not None else "population"
+    print(f"{explanation.name}: {node.role} {what}, {model.name}")
     for line in (
         node.description,
         model.description,
@@ -73,20 +73,20 @@ def _print(told: Explanation, neuron: Neuron, curve: Response) -> None:
     ):
         if line:
             print(f"  {line}")
-    width = max(map(len, (*told.equations(), *told.values())))
+    width = max(map(len, (*explanation.equations(), *explanation.values())))
     print("\nequations, A being the sum of what the inputs deliver" + f" [{neuron.activation_unit}]")
-    for name, equation in told.equations().items():
+    for name, equation in explanation.equations().items():
         print(f"  {name:{width}} = {equation}")
     print("\nvalues")
     described = {each.name: each.description for each in model.parameters}
     described |= {f"initial {each.name}": each.description for each in model.states}
-    for name, value in told.values().items():
+    for name, value in explanation.values().items():
         words = described.get(name, "")
         print(f"  {name:{width}} = {value}{f'    {words}' if words else ''}")
     print()
-    _print_connections("inputs", "from", told.incoming)
-    _print_connections("goes to", "to", told.outgoing)
-    if told.index is None and node is not neuron:
+    _print_connections("inputs", "from", explanation.incoming)
+    _print_connections("goes to", "to", explanation.outgoing)
+    if explanation.index is None and node is not neuron:
         print(f"the curve of {neuron.name}")
     scale = neuron.activation_unit.scale
     for line in text_plot(

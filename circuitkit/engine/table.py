@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
-from circuitkit.base.files import OutputError, replacing
+from circuitkit.base.files import replacing
+from circuitkit.base.netcdf import write_netcdf
 from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
 from circuitkit.circuit.resolving.neurons import shown_unit
@@ -279,12 +280,15 @@ def write_run(result: RunTable, path: Path) -> None:
         OutputError: The file cannot be written.
     """
     require_format(path)
-    with replacing(path) as part:
-        if path.suffix.lower() == ".nc":
-            _write_netcdf(result, part)
-        else:
-            with part.open("w", encoding="utf-8", newline="") as file:
-                file.writelines(csv_lines(result))
+    if path.suffix.lower() == ".nc":
+        columns = {
+            each.name: (each.values, {"units": each.unit.symbol, "role": each.role})
+            for each in result.columns
+        }
+        write_netcdf(path, {"circuit": result.circuit}, {TIME: (result.time_s(), {"units": "s"}), **columns})
+        return
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        file.writelines(csv_lines(result))
 
 
 def csv_lines(result: RunTable) -> Iterator[str]:
@@ -294,20 +298,3 @@ def csv_lines(result: RunTable) -> Iterator[str]:
     for start in range(0, result.steps, _CHUNK):  # Python's numbers take four times the memory of an array's
         for row in zip(*(values[start : start + _CHUNK].tolist() for values in every), strict=True):
             yield ",".join([f"{value:.15g}" for value in row]) + "\n"
-
-
-def _write_netcdf(result: RunTable, path: Path) -> None:
-    from scipy.io import netcdf_file  # 0.1 s, which only this format needs
-
-    try:
-        with netcdf_file(path, "w", version=2) as file:
-            file.circuit = result.circuit
-            file.createDimension(TIME, result.steps)
-            time = file.createVariable(TIME, "f8", (TIME,))
-            time[:], time.units = result.time_s(), "s"
-            for column in result.columns:
-                variable = file.createVariable(column.name, "f8", (TIME,))
-                variable[:], variable.units, variable.role = column.values, column.unit.symbol, column.role
-    except (TypeError, ValueError) as error:
-        message = f"cannot write '{path}': {error}"
-        raise OutputError(message) from error

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import netcdf_file
 
 from circuitkit.base.errors import MissingDependencyError
-from circuitkit.base.files import replacing, write_text
+from circuitkit.base.files import write_text
+from circuitkit.base.netcdf import write_netcdf
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.expressions.dimensions import named_symbol
@@ -192,18 +192,14 @@ class Recording:
         """
         columns = self._columns(robot)
         path = folder / "recording.nc"
-        with replacing(path) as part, netcdf_file(str(part), "w") as file:
-            file.title = f"circuitkit recording, controller {self.controller}"
-            for block in self.robot.blocks.values():
-                for name, text in getattr(block, "attributes", {}).items():
-                    setattr(file, name, text)
-            file.interrupted = int(self.interrupted)
-            file.seed = str(self.specs[robot].seed)  # NetCDF 3 has no whole numbers beyond 2^31
-            file.createDimension("time_s", self.ticks)
-            for name, (values, unit) in columns.items():
-                variable = file.createVariable(name, "f8", ("time_s",))
-                variable[:] = values
-                variable.units = unit
+        attributes: dict[str, Any] = {"title": f"circuitkit recording, controller {self.controller}"}
+        for block in self.robot.blocks.values():
+            attributes |= getattr(block, "attributes", {})
+        # NetCDF 3 has no whole numbers beyond 2^31, which a seed may be.
+        attributes |= {"interrupted": int(self.interrupted), "seed": str(self.specs[robot].seed)}
+        write_netcdf(
+            path, attributes, {name: (values, {"units": unit}) for name, (values, unit) in columns.items()}
+        )
         table = np.column_stack([values for values, _ in columns.values()])
         lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in table)]
         write_text(folder / "recording.csv", "\n".join(lines) + "\n")
