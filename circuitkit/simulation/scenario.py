@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import (
+    BeforeValidator,
     ConfigDict,
     Field,
     PrivateAttr,
@@ -68,11 +69,20 @@ class _ReferenceItem(FileModel):
         return unfilled, (reference_class,), self.__getstate__()
 
 
+def _expression(found: object) -> object:
+    if isinstance(found, str):
+        return found
+    kinds = ", ".join(MEASURES.kinds)
+    allowed = f"an expression, such as max(abs(roll)); kinds with settings are {kinds}"
+    message = f"found {describe(found)}; allowed: {allowed}"
+    raise ValueError(message)
+
+
 class _Measures(FileModel):
     """Base of `measures`: expressions by name, and kinds of measures with their settings."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, str] = Field(init=False)
+    __pydantic_extra__: dict[str, Annotated[str, BeforeValidator(_expression)]] = Field(init=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by the function that makes the class."""

@@ -295,6 +295,11 @@ WAYS = "forward, backward, left, right, up, down"
             f"allowed: {listing(REFERENCES.kinds)}; did you mean 'gait'?",
         ),
         ("seed: 0", "seed: -1", "16:7: seed: found -1; allowed: at least 0"),
+        (
+            "time_of(ended)", "{above: 3}",
+            "19:19: measures.time_of_fall_s: found a mapping of 1; "
+            "allowed: an expression, such as max(abs(roll)); kinds with settings are thresholds",
+        ),
     ],
 )  # fmt: skip
 def test_a_complaint(tmp_path, old, new, said):
