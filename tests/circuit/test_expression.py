@@ -314,3 +314,11 @@ def test_what_is_no_reference_is_refused(text, offset, message):
 def test_a_caller_may_add_functions_or_give_them_other_arguments():
     tree = parse_expression("max(first(A) / 2)", NAMES, functions={"first": (1, 1), "max": (1, 2)})
     assert tree == Call("max", (Binary("/", Call("first", (Name("A"),)), Number(2.0)),))
+
+
+@pytest.mark.parametrize("name", ["ª", "µ", "ﬁ", "τ"])
+def test_a_name_keeps_its_characters(name):
+    """Python's own parser would take `ª` for `a`, and the micro sign for a Greek letter."""
+    assert parse_expression(f"a + 2 * ({name})", ["a", name]).names() == {"a", name}
+    read = parse_expression(f"joint(x.{name})", (), references={"joint": (1, 1)})
+    assert read == Call("joint", (Name(f"x.{name}"),))

@@ -90,6 +90,7 @@ def parse_expression(
     source = _Source(text, frozenset(names), {**_ARITIES, **functions}, references, units=units)
     try:
         tree = ast.parse(source.python, mode="eval")
+        source.restore_names(tree)
         return _convert(tree.body, source)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         if isinstance(error, ExpressionError):
@@ -143,6 +144,17 @@ class _Source:
     def is_quantity(self, name: str) -> bool:
         """Check whether a name stands for a number with a unit."""
         return name in self._stand_ins.quantities
+
+    def restore_names(self, tree: ast.AST) -> None:
+        """Give names their characters back: `ast` replaces some by similar ones (NFKC), as `ª` by `a`."""
+        if self.python.isascii():
+            return
+        raw = self.python.encode()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name):
+                node.id = raw[node.col_offset : node.end_col_offset].decode()
+            elif isinstance(node, ast.Attribute):
+                node.attr = raw[node.col_offset : node.end_col_offset].decode().rpartition(".")[2].strip()
 
     def as_written(self, node: ast.expr) -> str:
         """Return the text of a node."""
