@@ -1,8 +1,14 @@
-"""Makes the modules beside the tests importable, for pytest's importlib mode adds no folder by itself."""
+"""What holds for all tests."""
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 
+# Makes the modules beside the tests importable, for pytest's importlib mode adds no folder by itself.
 sys.path.insert(0, str(Path(__file__).parent))
+
+# A shell that runs tests in the background lets them ignore Ctrl-C, and their children inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
