@@ -6,9 +6,15 @@ import signal
 import sys
 from pathlib import Path
 
+from hypothesis import settings
+
 # Makes the modules beside the tests importable, for pytest's importlib mode adds no folder by itself.
 sys.path.insert(0, str(Path(__file__).parent))
 
 # A shell that runs tests in the background lets them ignore Ctrl-C, and their children inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# How long an example takes says how busy the machine is.
+settings.register_profile("any machine", deadline=None)
+settings.load_profile("any machine")
