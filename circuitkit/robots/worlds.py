@@ -93,8 +93,11 @@ class Worlds:
         sleeps = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
         self.physics = Batch(model, batch, nthread=count, persistent=sleeps)
         self._warned = self.physics.warning.tobytes()
-        self._targets, self._last_target = targets, len(targets) - 1
-        self._mixing, self._limits = _mixing(robot, commands)
+        # Arrays of one shape are added and compared in a quarter of the time that broadcasting takes.
+        self._targets, self._last_target = targets[:, np.newaxis], len(targets) - 1
+        self._mixing, limits = _mixing(robot, commands)
+        self._limited = np.empty((batch, len(commands)))
+        self._limits = limits and tuple(np.tile(each, (batch, 1)) for each in limits)
         self._ctrl = self.physics.bind("ctrl")
         self._force = self.physics.bind("xfrc_applied")
         self.qpos, self.qvel = self.physics.bind("qpos"), self.physics.bind("qvel")
@@ -200,14 +203,17 @@ class Worlds:
         """
         if self._limits is not None:
             low, high = self._limits
-            commands = np.minimum(np.maximum(commands, low), high)  # a third of the time of `np.clip`
+            commands = np.maximum(commands, low, out=self._limited)
+            np.minimum(commands, high, out=commands)  # in two steps: a quarter of the time of `np.clip`
         np.vecdot(commands[:, None], self._mixing, self._ctrl)
-        row = min(tick, self._last_target) if isinstance(tick, int) else np.minimum(tick, self._last_target)
-        np.add(self._ctrl, self._targets[row], self._ctrl)
+        if isinstance(tick, int):
+            np.add(self._ctrl, self._targets[min(tick, self._last_target)], self._ctrl)
+        else:
+            np.add(self._ctrl, self._targets[np.minimum(tick, self._last_target), 0], self._ctrl)
         if self._skips:
-            self._flags[:] = self._seeing | _NO_SENSORS
+            self._flags.fill(self._seeing | _NO_SENSORS)
             self.physics.step(self._stepped, self._substeps - 1)
-            self._flags[:] = self._seeing
+            self._flags.fill(self._seeing)
             self.physics.step(self._stepped)
         else:
             self.physics.step(self._stepped, self._substeps)

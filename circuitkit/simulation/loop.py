@@ -55,21 +55,32 @@ class Setup:
 
 
 class _Rows:
-    """Arrays that take one row a tick; or only seem to, and keep the last one, for runs by the thousand."""
+    """Arrays that take one row a tick; for runs by the thousand only those since the last look.
+
+    Attributes:
+        length: L: all ticks, or as many as there are between two looks. Tick t has row t modulo L.
+        readings: Sensor readings after the tick, shape (L, B, s).
+        qpos: Positions after the tick, shape (L, B, nq).
+        observations: What the controller read, shape (L, B, k).
+        commands: What it wrote, shape (L, B, m).
+        trace: What it tells of itself, shape (L, B, n).
+    """
 
     def __init__(self, setup: Setup, worlds: Worlds, *, keep: bool) -> None:
-        def rows(*shape: int) -> Array:
-            if keep:
-                return np.empty((setup.ticks, *shape))
-            last = np.empty(shape)
-            return np.lib.stride_tricks.as_strided(last, (setup.ticks, *shape), (0, *last.strides))
+        length = self.length = setup.ticks if keep else min(_LOOK_EVERY, setup.ticks)
+        controller, batch = setup.controller, worlds.batch
+        self.readings = np.empty((length, *worlds.readings.shape))
+        self.qpos = np.empty((length, *worlds.qpos.shape))
+        self.observations = np.empty((length, batch, len(controller.observations)))
+        self.commands = np.empty((length, batch, len(controller.commands)))
+        self.trace = np.empty((length, batch, len(setup.trace_names)))
 
-        batch = worlds.batch
-        self.readings = rows(*worlds.readings.shape)
-        self.qpos = rows(*worlds.qpos.shape)
-        self.observations = rows(batch, len(setup.controller.observations))
-        self.commands = rows(batch, len(setup.controller.commands))
-        self.trace = rows(batch, len(setup.trace_names))
+    def since(self, begin: int, end: int) -> tuple[Array, Array]:
+        """Readings and commands of the ticks from `begin` to before `end`, at most L of them."""
+        if end <= self.length:
+            return self.readings[begin:end], self.commands[begin:end]
+        rows = np.arange(begin, end) % self.length
+        return self.readings[rows], self.commands[rows]
 
 
 def run_loop(
@@ -96,7 +107,7 @@ def run_loop(
                 progress(done)
     except KeyboardInterrupt:
         interrupted = True
-    tracker.look(rows.readings[tracker.done : done], rows.commands[tracker.done : done])
+    tracker.look(*rows.since(tracker.done, done))
     return Recording(
         robot=setup.robot, motion=setup.motion, specs=setup.specs, effects=setup.effects,
         controller=controller.name, circuit=setup.circuit, step_s=setup.step_s, judge=setup.judge,
@@ -218,60 +229,56 @@ def _ticks(
     store = getattr(controller, "store_trace", None) if setup.trace_names else None
     reads = bool(controller.observations)
     on_worlds, on_commands = setup.effects.on_worlds, setup.effects.on_commands
-    watch = _Watch(setup, worlds, tracker, to_the_end=to_the_end)
+    watch = _Watch(setup, worlds, rows, tracker, to_the_end=to_the_end)
     for tick in range(setup.ticks):
-        observation = rows.observations[tick]
+        row = tick % rows.length
+        observation = rows.observations[row]
         if reads:
             sense(tick, observation)
             if watch.still is not None:
                 observation[watch.still] = np.nan
-        rows.commands[tick] = commands = control(observation)
+        rows.commands[row] = commands = control(observation)
         if store is not None:
-            store(rows.trace[tick])
+            store(rows.trace[row])
         if on_commands:
-            _do(on_commands, tick, commands := rows.commands[tick])
+            _do(on_commands, tick, commands := rows.commands[row])
         starts.part(tick)
         if on_worlds:
             _do(on_worlds, tick, worlds)
         advance(tick, commands)
-        rows.readings[tick] = worlds.readings
-        rows.qpos[tick] = worlds.qpos
-        watch.keep(tick, commands)
+        rows.readings[row] = worlds.readings
+        rows.qpos[row] = worlds.qpos
         yield tick + 1
         if watch.is_over(tick):
             return
 
 
 class _Watch:
-    """Looks from time to time at who has ended.
+    """Looks from time to time at who has ended, and at once where MuJoCo has lost somebody.
 
     Attributes:
         still: For whom time stands still, since only the measures count; None for nobody.
     """
 
-    def __init__(self, setup: Setup, worlds: Worlds, tracker: Tracker, *, to_the_end: bool) -> None:
-        self._worlds, self._tracker, self._to_the_end = worlds, tracker, to_the_end
+    def __init__(
+        self, setup: Setup, worlds: Worlds, rows: _Rows, tracker: Tracker, *, to_the_end: bool
+    ) -> None:
+        self._worlds, self._rows, self._tracker, self._to_the_end = worlds, rows, tracker, to_the_end
+        # Where nothing but a loss ends a run, measures may wait, as long as the rows are kept.
+        self._every = _LOOK_EVERY if setup.judge.until is not None else rows.length
         self._last = setup.ticks - 1
-        self._readings = np.empty((_LOOK_EVERY, *worlds.readings.shape))
-        self._commands = np.empty((_LOOK_EVERY, worlds.batch, len(setup.controller.commands)))
         self.still: NDArray[np.bool_] | None = None
-
-    def keep(self, tick: int, commands: Array) -> None:
-        """Keep what the next look needs, and see at once whom MuJoCo has lost."""
-        if (lost := self._worlds.newly_lost()) is not None:
-            self._tracker.lose(lost, tick)
-        self._readings[tick % _LOOK_EVERY] = self._worlds.readings
-        self._commands[tick % _LOOK_EVERY] = commands
 
     def is_over(self, tick: int) -> bool:
         """Whether this was the last tick."""
-        if tick % _LOOK_EVERY == 0 or tick == self._last:
+        if (lost := self._worlds.newly_lost()) is not None:
+            self._tracker.lose(lost, tick)
+        if lost is not None or tick % self._every == 0 or tick == self._last:
             self._look(tick)
         return tick >= self._last
 
     def _look(self, tick: int) -> None:
-        seen = np.arange(self._tracker.done, tick + 1) % _LOOK_EVERY
-        newly = self._tracker.look(self._readings[seen], self._commands[seen])
+        newly = self._tracker.look(*self._rows.since(self._tracker.done, tick + 1))
         if self._to_the_end and newly.any():
             self.still = self._tracker.ended
             self._worlds.stop(self.still)
@@ -325,7 +332,7 @@ class _Senses:
                 np.maximum(clip.view, clip.low, out=clip.view)
                 np.minimum(clip.view, clip.high, out=clip.view)
             _do(self._on_clipped, tick, seen)
-        if any(first <= tick < last for first, last in self._missing):
+        if self._missing and any(first <= tick < last for first, last in self._missing):
             observation[...] = self._observer.where_some_are_missing(self._seen)
         else:
             self._observe(observation)
