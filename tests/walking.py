@@ -11,6 +11,7 @@ import numpy as np
 
 from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import WalkReference
+from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.biped.gait import LEG_JOINTS, GaitSpec, Walk, load_gait
 from circuitkit.biped.references import GaitReference
 from circuitkit.biped.robot import BipedBody, biped_of
@@ -103,6 +104,11 @@ def walk_of_nao(gait: GaitSpec, ticks: int) -> tuple[Walk, Motion]:
     """A walk that is right for the NAO, and what its servos are to do."""
     motion = GaitReference(gait).motion(nao(), ticks, gait.control_step)
     return motion.knowledge.walk, motion
+
+
+def joint_targets(walk: Walk) -> np.ndarray:
+    """Angles of all joints of the NAO with servos along a walk; shape (T, n), [rad]."""
+    return generalised_positions(nao_body(), walk)[:, nao_body().qpos_index]
 
 
 def naos(

@@ -6,7 +6,6 @@ All of it is read in one pose: torso upright, legs straight, every joint of them
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TypeVar
 
 import mujoco
@@ -42,7 +41,7 @@ def measured(block: _Block, robot: RobotModel) -> _Block:
     pose = _Straight(block, robot)
     joints = _joints(block, robot, pose)
     legs = _legs(block, pose)
-    feet = {side: _foot(block, side, pose, legs) for side in SIDES}
+    feet = {side: _foot(block, side, pose) for side in SIDES}
     made = block.model_copy(
         update={"joints": joints, "legs": legs, "feet": block.feet.model_copy(update=feet)}
     )
@@ -85,27 +84,19 @@ def ground_below(model: mujoco.MjModel, torso: int, qpos: Array) -> float:
     return 0.0
 
 
-@dataclass(frozen=True, eq=False)
 class _Straight:
     """The pose in which everything is measured, at the world's origin."""
 
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    torso: int
-
     def __init__(self, block: BipedSpec, robot: RobotModel) -> None:
-        model = robot.model
-        data = mujoco.MjData(model)
-        torso = int(model.body(block.torso).id)
-        base = int(model.jnt_qposadr[model.body_jntadr[torso]])
+        self.model = model = robot.model
+        self.data = data = mujoco.MjData(model)
+        base = int(model.jnt_qposadr[model.body_jntadr[model.body(block.torso).id]])
         data.qpos[:] = robot.start_qpos
         data.qpos[base : base + 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         for role in block.roles:
             joint = block.joint(role)
             data.qpos[model.jnt_qposadr[model.joint(joint.joint).id]] = joint.offset
         mujoco.mj_kinematics(model, data)
-        for name, value in (("model", model), ("data", data), ("torso", torso)):
-            object.__setattr__(self, name, value)
 
     def axis(self, joint: str) -> Array:
         found: Array = self.data.xaxis[self.model.joint(joint).id]
@@ -184,7 +175,8 @@ def _legs(block: BipedSpec, pose: _Straight) -> Legs:
     return Legs(**{name: round(float(value), _MICRON) + 0.0 for name, value in found.items()} | given)
 
 
-def _foot(block: BipedSpec, side: str, pose: _Straight, legs: Legs) -> Foot:  # noqa: ARG001 - as the others
+def _foot(block: BipedSpec, side: str, pose: _Straight) -> Foot:
+    """A foot with its sole and its cells, measured where they are not given."""
     foot: Foot = getattr(block.feet, side)
     sole = foot.sole
     if sole is None:
@@ -192,15 +184,10 @@ def _foot(block: BipedSpec, side: str, pose: _Straight, legs: Legs) -> Foot:  # 
         sole = Sole(back=float(low[0]), front=float(high[0]), right=float(low[1]), left=float(high[1]))
     cells = foot.cells
     if not cells:
-        x = [
-            sole.front - _CELL_INSET * (sole.front - sole.back),
-            sole.back + _CELL_INSET * (sole.front - sole.back),
-        ]
-        y = [
-            sole.left - _CELL_INSET * (sole.left - sole.right),
-            sole.right + _CELL_INSET * (sole.left - sole.right),
-        ]
-        places = [(x[0], y[0]), (x[0], y[1]), (x[1], y[0]), (x[1], y[1])]
+        inset_x, inset_y = _CELL_INSET * (sole.front - sole.back), _CELL_INSET * (sole.left - sole.right)
+        front, rear = sole.front - inset_x, sole.back + inset_x
+        left, right = sole.left - inset_y, sole.right + inset_y
+        places = [(front, left), (front, right), (rear, left), (rear, right)]  # as CORNERS
         cells = {f"{side}_cell_{corner}": place for corner, place in zip(CORNERS, places, strict=True)}
     return foot.model_copy(update={"sole": sole, "cells": cells})
 

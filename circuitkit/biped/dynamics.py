@@ -110,11 +110,6 @@ def generalised_positions(robot: BipedBody, walk: Walk) -> Array:
     return legs_of(robot).corrected(positions, walk)
 
 
-def joint_targets(robot: BipedBody, walk: Walk) -> Array:
-    """Angles of all joints with servos along a walk, in the MJCF's own sense; shape (T, n), [rad]."""
-    return generalised_positions(robot, walk)[:, robot.qpos_index]
-
-
 def as_walked(robot: BipedBody, walk: Walk, targets: Array) -> Walk:
     """The walk with the angles that the MJCF's legs take.
 

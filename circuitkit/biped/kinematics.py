@@ -51,6 +51,7 @@ class LegKinematics:
             for chain in chains
         ]
         self._level = self._level_feet()
+        self._weights = [self._weights_of(side) for side in range(2)]
 
     def _level_feet(self) -> list[Array]:
         """Axes of each foot's body when the foot is level."""
@@ -108,40 +109,37 @@ class LegKinematics:
     def _miss(self, row: Array, wanted: Array) -> float:
         self._data.qpos[:] = row
         mujoco.mj_kinematics(self._model, self._data)
-        weights = self._weights()
-        return max(float(np.abs(self._errors(side, wanted) * weights[side]).max()) for side in range(2))
+        return max(float(np.abs(self._weighted(side, wanted)).max()) for side in range(2))
 
-    def _weights(self) -> list[Array]:
-        """1 for what a leg can put right, next to nothing for the rest; shape (6,) each."""
-        found = []
-        for side, name in enumerate(SIDES):
-            weights = np.ones(6)
-            if f"{name}_ankle_roll" not in self._robot.block.roles:
-                weights[3] = _FREE
-            if len(self._joints[side]) < weights.sum():
-                weights[5] = _FREE
-            found.append(weights)
-        return found
+    def _weighted(self, side: int, wanted: Array) -> Array:
+        """The errors of a foot, each with its weight; shape (6,)."""
+        return self._errors(side, wanted) * self._weights[side]
+
+    def _weights_of(self, side: int) -> Array:
+        """1 for what a leg can put right, next to nothing for the rest; shape (6,)."""
+        weights = np.ones(6)
+        if f"{SIDES[side]}_ankle_roll" not in self._robot.block.roles:
+            weights[3] = _FREE
+        if len(self._joints[side]) < weights.sum():
+            weights[5] = _FREE
+        return weights
 
     def _solve(self, row: Array, wanted: Array, time_s: float) -> None:
         """Find the angles of both legs, in place."""
         model, data, robot = self._model, self._data, self._robot
         point, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        weights = self._weights()
         for _ in range(_ROUNDS):
             data.qpos[:] = row
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            errors = [self._errors(side, wanted) * weights[side] for side in range(2)]
-            if (
-                max(float(np.abs(each * weight).max()) for each, weight in zip(errors, weights, strict=True))
-                < _EXACT / 10
-            ):
+            errors = [self._weighted(side, wanted) for side in range(2)]
+            # A second time, so that a direction without a joint keeps nobody from being done.
+            if all(np.abs(errors[side] * self._weights[side]).max() < _EXACT / 10 for side in range(2)):
                 break
             for side, joints in enumerate(self._joints):
                 mujoco.mj_jacBody(model, data, point, turn, robot.feet_id[side])
                 columns = model.jnt_dofadr[joints]
-                slopes = np.vstack([point[:, columns], turn[:, columns]]) * weights[side][:, None]
+                slopes = np.vstack([point[:, columns], turn[:, columns]]) * self._weights[side][:, None]
                 square = slopes.T @ slopes + 1e-9 * np.eye(len(joints))
                 row[model.jnt_qposadr[joints]] += np.linalg.solve(square, slopes.T @ errors[side])
         self._check(row, wanted, time_s)
@@ -150,13 +148,12 @@ class LegKinematics:
         self._data.qpos[:] = row
         mujoco.mj_kinematics(self._model, self._data)
         for side, name in enumerate(SIDES):
-            errors = np.abs(self._errors(side, wanted) * self._weights()[side])
+            errors = np.abs(self._weighted(side, wanted))
             if errors[:3].max() > _CLOSE_M or errors[3:].max() > _CLOSE_RAD:
                 message = (
                     f"the {name} foot cannot be where the walk wants it at {time_s:.2f} s: it misses by "
                     f"{errors[:3].max() * 1e3:.1f} mm and {np.degrees(errors[3:].max()):.1f} deg; bend the "
-                    "knee more, "
-                    f"step shorter, or give the legs' joints in the robot file an offset"
+                    "knee more, step shorter, or give the legs' joints in the robot file an offset"
                 )
                 raise SimulationError(message)
 

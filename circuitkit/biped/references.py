@@ -170,7 +170,7 @@ def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targe
     found = np.zeros((planned.ticks, 0)) if torques_and_targets is None else torques_and_targets
     torques, targets = np.hsplit(found, 2)
     walk = as_walked(body, planned, targets)
-    knowledge = walk_reference(walk, known_body(robot, body))
+    knowledge = walk_reference(walk, _known_body(robot, body))
     return Motion(
         targets=servo_targets(body, targets, torques),
         start_qpos=generalised_positions(body, planned.rows(slice(0, 1)))[0],
@@ -181,7 +181,7 @@ def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targe
     )
 
 
-def known_body(robot: RobotModel, biped: BipedBody) -> Body:
+def _known_body(robot: RobotModel, biped: BipedBody) -> Body:
     """What a controller may know of the robot."""
     block, roles = biped.block, biped.block.roles
     soles = [getattr(block.feet, side).sole for side in SIDES]
@@ -211,15 +211,10 @@ def _moment(where: Mapping[str, Any]) -> GaitMoment:
 @lru_cache(maxsize=32)
 def _schedule(gait: GaitSpec, ticks: int) -> Schedule:
     """The time plan of a walk of so many ticks; made once for all pushes."""
-    steps = max(ticks - round(gait.stand / gait.control_step), 0) // gait.step_ticks + 1
-    longer = plan_steps(gait, steps)
-    return Schedule(**{name: getattr(longer, name)[:ticks] for name in Schedule.__dataclass_fields__})
+    return plan_steps(gait, gait.steps_within(ticks)).rows(slice(ticks))
 
 
 def _directions(support: int) -> dict[str, Array]:
     """Inward is towards the foot in the air, outward away from it."""
     outward = 1.0 if support == LEFT else -1.0
     return {"outward": np.array([0.0, outward, 0.0]), "inward": np.array([0.0, -outward, 0.0])}
-
-
-__all__ = ["GaitReference", "StandReference", "known_body"]

@@ -15,7 +15,7 @@ from circuitkit.robots.channels import Channel, Formula, Quotient
 Array = NDArray[np.float64]
 
 _CELLS_PER_FOOT = 4
-_LEAST_LOAD_N = 1.0  # below this a foot counts as unloaded, and its ZMP as in the middle
+LEAST_LOAD_N = 1.0  # below this a foot counts as unloaded, and its ZMP as in the middle
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class _Channels:
         """Add a channel: a sum, or the quotient of two."""
         least = np.zeros(self.layout.total) if below is None else below
         self.channels[name] = Channel(
-            name, parse_unit(unit), Quotient(above, least, _LEAST_LOAD_N), description
+            name, parse_unit(unit), Quotient(above, least, LEAST_LOAD_N), description
         )
 
 
@@ -225,7 +225,7 @@ def centre_of_pressure(readings: Array, layout: SensorLayout, side: int) -> tupl
     """
     wrench = readings[..., layout.wrench(side)]
     load = wrench[..., 2]
-    carried = np.where(load > _LEAST_LOAD_N / 10, load, np.nan)
+    carried = np.where(load > LEAST_LOAD_N / 10, load, np.nan)
     point = wrench[..., 6:8] + np.stack([-wrench[..., 4], wrench[..., 3]], axis=-1) / carried[..., None]
     return point, load
 

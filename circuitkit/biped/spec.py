@@ -11,6 +11,7 @@ from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import Metres, Newtons, Radians
 from circuitkit.biped.gait import LEG_JOINTS, LegGeometry
+from circuitkit.biped.gait.spec import require_order
 from circuitkit.robots.spec import BlockSpec
 
 _OPTIONAL = frozenset({"left_ankle_roll", "right_ankle_roll"})
@@ -31,12 +32,8 @@ class Sole(FileModel):
 
     @model_validator(mode="after")
     def _ordered(self) -> Sole:
-        for low, high in (("back", "front"), ("right", "left")):
-            found = getattr(self, low), getattr(self, high)
-            if found[0] >= found[1]:
-                numbers = f"found {low} {found[0]:g} and {high} {found[1]:g}"
-                message = f"{numbers}; allowed: {low} before {high}"
-                raise ValueError(message)
+        require_order(self, "back", "front")
+        require_order(self, "right", "left")
         return self
 
 
@@ -134,7 +131,7 @@ class LegJoint(FileModel):
 
 
 class BipedSpec(BlockSpec):
-    """Says which parts of an MJCF are torso, feet and legs of a robot that walks on two legs."""
+    """What the file says; `robot.BipedBlock` says what becomes of it."""
 
     torso: str = Field(description="Body that hangs from a free joint and carries everything.")
     imu: str | None = Field(

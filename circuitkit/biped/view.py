@@ -13,6 +13,7 @@ from circuitkit.biped.gait.lipm import GRAVITY_M_S2, zmp_from_com
 from circuitkit.biped.sensing import Array, centre_of_pressure, total_centre_of_pressure
 from circuitkit.simulation.recording import Recording
 
+SETTLED_S = 2.0  # until then a walk that begins from standing is not on its limit cycle
 _ALONE = 0.95  # a foot that carries more than this part of the weight carries it alone
 
 

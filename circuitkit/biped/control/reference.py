@@ -7,7 +7,7 @@ stand at first, in metres. Axis 0 is forward, axis 1 sideways; feet are in the o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.units import Unit
 from circuitkit.biped.gait import LEFT, LEG_JOINTS, LegGeometry, Walk
 from circuitkit.biped.gait.legs import support_leg_length
-from circuitkit.biped.gait.lipm import com_from_zmp, natural_frequency
+from circuitkit.biped.gait.lipm import com_from_zmp, dcm, natural_frequency
 from circuitkit.biped.gait.schedule import EXTEND, LIFT, Schedule, plan_steps
 
 Array = NDArray[np.float64]
@@ -44,8 +44,8 @@ class Body:
     soles_m: Array
     stiffness: Array
     lag_s: Array
-    observations: Mapping[str, Unit] = field(default_factory=dict)
-    commands: Mapping[str, Unit] = field(default_factory=dict)
+    observations: Mapping[str, Unit]
+    commands: Mapping[str, Unit]
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class WalkReference:
     @property
     def dcm_m(self) -> Array:
         """Xi = y + y' / omega; shape (R, 2)."""
-        return self.com_m + self.com_velocity / self.omega
+        return dcm(self.com_m, self.com_velocity, self.com_height_m)
 
     @property
     def feet_apart_m(self) -> Array:
@@ -180,10 +180,9 @@ def walk_reference(walk: Walk, body: Body) -> WalkReference:
     """
     gait, dt = walk.gait, walk.gait.control_step
     rows = walk.ticks + round(AHEAD_S / dt)
-    steps = max(rows - round(gait.stand / dt), 0) // gait.step_ticks + 1 + _TAIL_STEPS
-    longer = plan_steps(gait, steps)
+    longer = plan_steps(gait, gait.steps_within(rows) + _TAIL_STEPS)
     com = com_from_zmp(longer.zmp_m, gait.com_height, dt)
-    schedule = Schedule(**{name: getattr(longer, name)[:rows] for name in Schedule.__dataclass_fields__})
+    schedule = longer.rows(slice(rows))
     omega = natural_frequency(gait.com_height)
     sideways = np.array([1.0, -1.0]) * body.legs.hip_offset_y_m
     ankles = np.stack([schedule.feet_x_m, np.broadcast_to(sideways, (rows, 2))], axis=-1)

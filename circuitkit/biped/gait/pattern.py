@@ -59,10 +59,7 @@ class Walk:
 
     def rows(self, which: slice) -> Walk:
         """Some ticks of it."""
-        plan = Schedule(
-            **{name: getattr(self.schedule, name)[which] for name in Schedule.__dataclass_fields__}
-        )
-        return Walk(self.gait, plan, self.pelvis_m[which], self.joints_rad[which])
+        return Walk(self.gait, self.schedule.rows(which), self.pelvis_m[which], self.joints_rad[which])
 
 
 def joint_angles(gait: GaitSpec, schedule: Schedule, pelvis_xy_m: Array, legs: LegGeometry) -> Walk:
@@ -79,7 +76,7 @@ def joint_angles(gait: GaitSpec, schedule: Schedule, pelvis_xy_m: Array, legs: L
     Raises:
         SimulationError: A leg cannot reach its foot.
     """
-    straight = np.asarray(_standing_leg_length(gait.knee, legs))
+    straight = np.asarray(standing_leg_length(gait.knee, legs))
     roll = eq.ankle_roll(pelvis_xy_m[:, 1], straight)
     torso = np.zeros_like(roll)
     columns = []
@@ -95,8 +92,8 @@ def joint_angles(gait: GaitSpec, schedule: Schedule, pelvis_xy_m: Array, legs: L
     return Walk(gait, schedule, pelvis, np.column_stack(columns))
 
 
-def _standing_leg_length(knee_rad: float, legs: LegGeometry) -> float:
-    """Distance from hip to ankle with the knee bent; eq. 4 with the ankle under the hip."""
+def standing_leg_length(knee_rad: float, legs: LegGeometry) -> float:
+    """Distance from hip to ankle with the knee bent, in metres; eq. 4 with the ankle under the hip."""
     thigh, tibia = legs.thigh_m, legs.tibia_m
     return float(np.sqrt(thigh**2 + tibia**2 + 2 * thigh * tibia * np.cos(knee_rad)))
 
@@ -156,7 +153,7 @@ def plan_stand(
         The walk, which does not move, and what `then` gave, shape (T, k).
     """
     schedule = plan_steps(gait, 0)
-    few = Schedule(**{name: getattr(schedule, name)[:3] for name in Schedule.__dataclass_fields__})
+    few = schedule.rows(slice(3))
     sway = few.zmp_m.copy()
     walk = joint_angles(gait, few, sway, legs)
     for _ in range(_PASSES):
@@ -168,7 +165,7 @@ def plan_stand(
 
 def _periodic_rows(gait: GaitSpec, ticks: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For each tick of a long walk, its row in the computed one, and how many cycles it is further on."""
-    lead = round(gait.stand / gait.control_step) + _LEAD_STEPS * gait.step_ticks
+    lead = gait.stand_ticks + _LEAD_STEPS * gait.step_ticks
     cycle = _CYCLE_STEPS * gait.step_ticks
     tick = np.arange(ticks)
     turns = np.maximum(tick - lead, 0) // cycle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,10 @@ class Schedule:
     zmp_m: Array
     left_load: Array
 
+    def rows(self, which: slice) -> Schedule:
+        """Some ticks of it."""
+        return Schedule(**{each.name: getattr(self, each.name)[which] for each in fields(self)})
+
 
 def smooth_step(progress: Array) -> Array:
     """10 s^3 - 15 s^4 + 6 s^5: from 0 to 1 with zero velocity and acceleration at both ends; clipped."""
@@ -57,7 +61,7 @@ def plan_steps(gait: GaitSpec, steps: int) -> Schedule:
         steps: How many.
     """
     dt = gait.control_step
-    stand_ticks = round(gait.stand / dt)
+    stand_ticks = gait.stand_ticks
     tick = np.arange(stand_ticks + steps * gait.step_ticks)
     step = np.where(tick < stand_ticks, -1, (tick - stand_ticks) // gait.step_ticks)
     in_step = (tick - stand_ticks - step * gait.step_ticks) * dt

@@ -13,6 +13,18 @@ from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
 FOLDER = "sims/gaits"
 
 
+def require_order(model: FileModel, low: str, high: str) -> None:
+    """Refuse two fields of which the first is not less than the second.
+
+    Raises:
+        ValueError: It is not; names both with their values.
+    """
+    found = getattr(model, low), getattr(model, high)
+    if found[0] >= found[1]:
+        message = f"found {low} {found[0]:g} and {high} {found[1]:g}; allowed: {low} before {high}"
+        raise ValueError(message)
+
+
 class Window(FileModel):
     """A part of single support."""
 
@@ -21,9 +33,7 @@ class Window(FileModel):
 
     @model_validator(mode="after")
     def _ordered(self) -> Window:
-        if self.start >= self.end:
-            message = f"found start {self.start:g} and end {self.end:g}; allowed: start before end"
-            raise ValueError(message)
+        require_order(self, "start", "end")
         return self
 
 
@@ -93,6 +103,15 @@ class GaitSpec(FileModel):
     def step_ticks(self) -> int:
         """Ticks of one step: double and single support."""
         return round((self.double_support + self.single_support) / self.control_step)
+
+    @property
+    def stand_ticks(self) -> int:
+        """Ticks before the first step."""
+        return round(self.stand / self.control_step)
+
+    def steps_within(self, ticks: int) -> int:
+        """Steps that cover a walk of so many ticks from standing; at least one."""
+        return max(ticks - self.stand_ticks, 0) // self.step_ticks + 1
 
 
 def load_gait(name_or_path: str | Path) -> GaitSpec:
