@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.study import Limit, Study
+from circuitkit.study import Limit
 
 Array = NDArray[np.float64]
 
@@ -72,9 +72,3 @@ def forces_by(limits: Sequence[Limit], *axes: str) -> Mapping[tuple[str, ...], A
     for limit in limits:
         found.setdefault(tuple(str(limit.labels[axis]) for axis in axes), []).append(limit.each)
     return {key: np.array(rows) for key, rows in found.items()}
-
-
-def seeds_in_words(study: Study) -> str:
-    """Name the seeds of a study, such as `seeds 0 to 11`."""
-    seeds = study.seeds
-    return f"seeds {seeds[0]} to {seeds[-1]}"

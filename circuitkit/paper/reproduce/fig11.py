@@ -14,7 +14,7 @@ from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Finding, Picture, Table
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line, plain, signed_percent
+from circuitkit.paper.reproduce.numbers import one_line, plain, seeds_in_words, signed_percent
 from circuitkit.study import Study, load_study, wilson_interval
 
 STUDY, THROUGH_COM = "fig11", "fig11_com"
@@ -57,7 +57,7 @@ class Fig11(ReportFigure):
                 ),
             ),
             text=_text(study),
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}",
+            seeds=seeds_in_words(seeds),
             studies=self.studies,
             data={
                 "largest_survived_n": listed(forces.survived),

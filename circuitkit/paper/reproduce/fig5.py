@@ -20,10 +20,10 @@ from circuitkit.draw.style import (
     house_style,
     new_figure,
     plain_legend,
-    save_figure,
     tidy,
 )
 from circuitkit.paper.reproduce.answers import Answers, settled_answers
+from circuitkit.paper.reproduce.drawing import save
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Verdict, all_hold
 from circuitkit.paper.reproduce.job import Job
@@ -70,7 +70,6 @@ class Fig5(ReportFigure):
         answers = settled_answers(graph, _ZMP_M)
         for suffix in ("png", "pdf"):
             draw_circuit(graph, job.folder / f"fig5.{suffix}")
-            save_figure(_answers_figure(graph, answers), job.folder / f"fig5_answers.{suffix}")
         pictures = (
             Picture(
                 "fig5.png",
@@ -79,7 +78,7 @@ class Fig5(ReportFigure):
                 "Graph of 11 neurons from two inputs on the left to the correction of the ankle on the right",
             ),
             Picture(
-                "fig5_answers.png",
+                save(_answers_figure(graph, answers), job.folder, "fig5_answers"),
                 "What the network answers when the ZMP stands still, for each way of standing. Vertical "
                 "lines: the edges of the support polygon.",
                 "Three panels, one for each way of standing, with the outputs of p1 and p2 over the ZMP",

@@ -43,7 +43,7 @@ from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, agrees, all_hold
 from circuitkit.paper.reproduce.forces import bounds
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line, plain
+from circuitkit.paper.reproduce.numbers import one_line, plain, seeds_in_words
 from circuitkit.paper.runs import plan_of
 from circuitkit.simulation import Plan
 from circuitkit.study import Results, Study, load_study
@@ -141,7 +141,7 @@ class Fig7(ReportFigure):
             pictures=pictures,
             tables=(_table(planes),),
             text=one_line(_TEXT),
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}",
+            seeds=seeds_in_words(seeds),
             studies=self.studies,
             data=_data(sheet, planes, nao),
         )

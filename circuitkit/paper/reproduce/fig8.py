@@ -24,7 +24,7 @@ from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, all_hold
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line, plain
+from circuitkit.paper.reproduce.numbers import one_line, plain, seeds_in_words
 from circuitkit.paper.reproduce.timing import (
     Times,
     mpc_solves,
@@ -109,7 +109,7 @@ class Fig8(ReportFigure):
             (picture,),
             (_table_alone(alone), _table_loop(loop, len(seeds))),
             one_line(_TEXT),
-            f"inputs and states from seed 0; in the loop seeds {seeds[0]} to {seeds[-1]}",
+            f"inputs and states from seed 0; in the loop {seeds_in_words(seeds)}",
             data={"alone": _data(alone), "in_the_loop": _data(loop), "runs": RUNS},
         )
 

@@ -9,12 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from circuitkit.biped.plots import CYCLE_GREY, MM, PUSH_FILL, PUSHED
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
-from circuitkit.paper.reproduce.drawing import CYCLE, PUSH_FILL, PUSHED, WIDTH_IN, label_of, save
+from circuitkit.paper.reproduce.drawing import WIDTH_IN, label_of, save
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, median_range, one_line
+from circuitkit.paper.reproduce.numbers import count, median_range, one_line, seeds_in_words
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,
@@ -27,7 +28,6 @@ from circuitkit.study import Share, load_study
 Array = NDArray[np.float64]
 
 STUDY = "fig9"
-_MM = 1e3
 _BEFORE_S = 2.2  # two double steps of the limit cycle are drawn
 _FELL_IN_PAPER = ("open_loop", "mpc")
 
@@ -63,7 +63,7 @@ class Fig9(ReportFigure):
             pictures=(picture,),
             tables=(_table(shares),),
             text=text,
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}; the picture is of seed {seeds[0]}",
+            seeds=f"{seeds_in_words(seeds)}; the picture is of seed {seeds[0]}",
             studies=self.studies,
             data={
                 "stood": {name: share.survived for name, share in shares.items()},
@@ -174,12 +174,12 @@ def _draw(job: Job, held: PushedWalk, fallen: PushedWalk) -> Picture:
 def _phase(axes: Axes, walk: PushedWalk, title: str) -> None:
     start, end = walk.push_s(0)
     time = walk.recording.time_s
-    y, v = walk.view.com_m[:, 0, 1] * _MM, walk.view.com_velocity[:, 0, 1] * _MM
+    y, v = walk.view.com_m[:, 0, 1] * MM, walk.view.com_velocity[:, 0, 1] * MM
     before = (time > start - _BEFORE_S) & (time <= start)
     after = (time >= start) & (np.arange(len(time)) < walk.end_tick(0))
     axes.set_title(title, fontsize=NORMAL)
     tidy(axes)
-    axes.plot(y[before], v[before], color=CYCLE, linewidth=2.6, label="before the push")
+    axes.plot(y[before], v[before], color=CYCLE_GREY, linewidth=2.6, label="before the push")
     axes.plot(y[after], v[after], color=PUSHED, linewidth=1.0, label="from the push on")
     marks: Any = {
         "color": PUSH_FILL,
@@ -214,6 +214,6 @@ def _limits(walk: PushedWalk) -> tuple[tuple[float, float], tuple[float, float]]
     seen = walk.recording.time_s > start - _BEFORE_S
     found = []
     for values in (walk.view.com_m, walk.view.com_velocity):
-        low, high = (float(end(values[seen, 0, 1])) * _MM for end in (np.min, np.max))
+        low, high = (float(end(values[seen, 0, 1])) * MM for end in (np.min, np.max))
         found.append((low - 0.12 * (high - low), high + 0.12 * (high - low)))
     return found[0], found[1]

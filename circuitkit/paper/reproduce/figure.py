@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -25,7 +26,7 @@ class Effort:
     quick_s: float
 
 
-class ReportFigure:
+class ReportFigure(ABC):
     """Base of all figures; the first line of a figure's docstring says in `docs/reproduce.md` what it makes.
 
     Attributes:
@@ -42,12 +43,12 @@ class ReportFigure:
     studies: ClassVar[tuple[str, ...]] = ()
     effort: ClassVar[Effort]
 
+    @abstractmethod
     def run(self, job: Job) -> Finding:
         """Make the figure: draw its pictures into `job.folder`, and return what was found."""
-        raise NotImplementedError
 
 
-FIGURES: Registry[ReportFigure] = Registry("figures", ReportFigure, "circuitkit.paper.reproduce")
+FIGURES: Registry[ReportFigure] = Registry("figures", ReportFigure, "circuitkit.paper.reproduce")  # type: ignore[type-abstract]  # as the base of classes
 
 
 def select(names: Sequence[str] = ()) -> tuple[str, ...]:

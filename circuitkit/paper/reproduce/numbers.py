@@ -29,6 +29,11 @@ def median_range(values: Sequence[float | None], unit: str, digits: int = 2) -> 
     return text if len(known) == len(values) else f"{text}, in {len(known)} of {len(values)} runs"
 
 
+def seeds_in_words(seeds: Sequence[int]) -> str:
+    """Name consecutive seeds, such as `seeds 0 to 11`."""
+    return f"seeds {seeds[0]} to {seeds[-1]}"
+
+
 def plain(value: float | None, digits: int = 3) -> str:
     """Write a number with so many significant digits, never in powers of ten; `-` for none."""
     if value is None or math.isnan(value):

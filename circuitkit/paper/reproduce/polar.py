@@ -29,7 +29,7 @@ from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
 from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bounds, by_contender
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
+from circuitkit.paper.reproduce.numbers import count, one_line, plain, seeds_in_words, signed_percent
 from circuitkit.paper.runs import plan_of
 from circuitkit.study import Study, load_study
 
@@ -122,7 +122,7 @@ class Polar(ReportFigure):
                 _line_table(sides, "Largest force survived in all runs, to the side [N]"),
             ),
             text=_text(around, study),
-            seeds=f"seeds {study.seeds[0]} to {study.seeds[-1]}",
+            seeds=seeds_in_words(study.seeds),
             studies=self.studies,
             data={
                 "direction_deg": np.degrees(around.angles_rad).round(9),

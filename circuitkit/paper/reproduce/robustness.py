@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 
 from circuitkit.draw.style import GREY, INK, NORMAL, SMALL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, label_of, save
-from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio, seeds_in_words
+from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
 from circuitkit.paper.reproduce.forces import circuits_of
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain
+from circuitkit.paper.reproduce.numbers import count, one_line, plain, seeds_in_words
 from circuitkit.study import load_study
 
 STUDY = "robustness"
@@ -70,7 +70,7 @@ class Robustness(ReportFigure):
             {_MISSED * len(conditions):.1f} to miss the true ratio by chance, so a single condition that is
             just sure, or just not, says little. The search of a seed takes the first boundary that bisection
             finds; whether weaker pushes leave gaps below is not looked for."""),
-            seeds=seeds_in_words(study),
+            seeds=seeds_in_words(study.seeds),
             studies=self.studies,
             data={name: {each: vars(ratio) for each, ratio in own.items()} for name, own in ratios.items()},
         )

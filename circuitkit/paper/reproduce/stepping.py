@@ -9,14 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.axes import Axes
 
+from circuitkit.biped.plots import MM, PUSH_FILL
 from circuitkit.draw.style import EXCITATORY, GREY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.push_bounds import PushKind
-from circuitkit.paper.reproduce.drawing import PUSH_FILL, STYLES, WIDTH_IN, LineStyle, save
+from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, LineStyle, save
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure
 from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
 from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
+from circuitkit.paper.reproduce.numbers import count, one_line, plain, seeds_in_words, signed_percent
 from circuitkit.paper.runs import plan_of, record
 from circuitkit.simulation import Recording
 from circuitkit.study import CaseBuilder, Study, load_study
@@ -33,7 +34,6 @@ _STYLES: Mapping[str, LineStyle] = {
 _DIRECTIONS = ("outward", "inward")
 _CALM_S, _QUICK_CALM_S = 60.0, 10.0
 _BEFORE_S, _AFTER_S = 0.4, 4.6
-_MM = 1e3
 _BEYOND = "section 5.2, outlook"
 
 
@@ -80,8 +80,7 @@ class Stepping(ReportFigure):
             pictures=(_draw_forces(job, forces, len(seeds)), _draw_run(job, study, shown, forces)),
             tables=(_table(forces),),
             text=_text(study, calm),
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}; "
-            f"what is drawn and the walk without pushes: seed {seeds[0]}",
+            seeds=f"{seeds_in_words(seeds)}; what is drawn and the walk without pushes: seed {seeds[0]}",
             studies=self.studies,
             data={
                 "largest_survived_n": listed(forces.survived),
@@ -181,7 +180,7 @@ def _text(study: Study, calm: Calm) -> str:
         it comes near the end of that, the circuit `hand_over` lets a step act as well: the leg on the side of
         the fall goes outward by the DCM's error at the end of the step, (ξ - ξ_planned) exp(ω t), as far as
         it reaches, and stretches; the times of the walk stay. Pushes and what counts as survived are those of
-        Fig. 11; forces lie on a grid of {step}. Undisturbed the DCM keeps {-calm.nearest_m * _MM:.0f} mm or
+        Fig. 11; forces lie on a grid of {step}. Undisturbed the DCM keeps {-calm.nearest_m * MM:.0f} mm or
         more away from the end of what the ankles can hold.""")
 
 
@@ -267,8 +266,8 @@ _LEGEND: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": Fa
 
 
 def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
-    series = {name: _traced(recording, name)[shown] * _MM for name in ("dcm_y", "left_limit", "right_limit")}
-    planned = series["dcm_y"] - _traced(recording, "dcm_error_y")[shown] * _MM
+    series = {name: _traced(recording, name)[shown] * MM for name in ("dcm_y", "left_limit", "right_limit")}
+    planned = series["dcm_y"] - _traced(recording, "dcm_error_y")[shown] * MM
     axes.plot(time_s, series["dcm_y"], color=INK, linewidth=1.4, label="DCM")
     axes.plot(time_s, planned, color=GREY, linewidth=1.0, linestyle=":", label="as planned")
     for name, label in (("left_limit", "end of what the ankles can hold"), ("right_limit", None)):
