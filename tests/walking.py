@@ -9,7 +9,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import WalkReference
 from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.biped.gait import LEG_JOINTS, GaitSpec, Walk, load_gait
@@ -97,7 +96,7 @@ def known_of(plan: Plan) -> WalkReference:
 
 def interface_of(known: WalkReference) -> Interface:
     """What a controller gets to know of a NAO on a walk."""
-    return Interface(nao().channel_units, nao().command_units, known.step_s, planned_channels(known), known)
+    return Interface(nao().channel_units, nao().command_units, known.step_s, known.planned_channels(), known)
 
 
 def walk_of_nao(gait: GaitSpec, ticks: int) -> tuple[Walk, Motion]:

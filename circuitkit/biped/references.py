@@ -12,7 +12,6 @@ from pydantic import Field
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document, FileModel, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
-from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import Body, walk_reference
 from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, servo_targets
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
@@ -174,7 +173,7 @@ def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targe
     return Motion(
         targets=servo_targets(body, targets, torques),
         start_qpos=generalised_positions(body, planned.rows(slice(0, 1)))[0],
-        planned=planned_channels(knowledge),
+        planned=knowledge.planned_channels(),
         columns={"step": walk.schedule.step, "phase": walk.schedule.phase},
         knowledge=knowledge,
         pace_s=walk.gait.step_ticks * walk.gait.control_step,

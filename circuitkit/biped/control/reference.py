@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.base.units import Unit
+from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.gait import LEFT, LEG_JOINTS, LegGeometry, Walk
 from circuitkit.biped.gait.legs import support_leg_length
 from circuitkit.biped.gait.lipm import com_from_zmp, dcm, natural_frequency
 from circuitkit.biped.gait.schedule import EXTEND, LIFT, Schedule, plan_steps
+from circuitkit.control import PlannedChannel
 
 Array = NDArray[np.float64]
 
@@ -164,6 +165,23 @@ class WalkReference:
         """Planned angles of joints; shape (T, n), [rad]."""
         angles: Array = self.walk.joints_rad[:, [LEG_JOINTS.index(name) for name in names]]
         return angles
+
+    def planned_channels(self) -> dict[str, PlannedChannel]:
+        """`planned_com_*` and `planned_com_velocity_*`, the CoM of the plan's point mass (eq. 2).
+
+        In the frame of the sensed channels `com_*`, the middle between the ankles, so that the difference of
+        the two is how far the robot is from its plan. With the velocities over omega = sqrt(g / z_CoM) added
+        it is the error of the DCM (capture point).
+        """
+        ticks = self.walk.ticks
+        com = self.com_m - self.sensed_com_offset_m
+        found = {}
+        for axis, letter in enumerate("xy"):
+            found[f"planned_com_{letter}"] = PlannedChannel(parse_unit("m"), com[:ticks, axis])
+            found[f"planned_com_velocity_{letter}"] = PlannedChannel(
+                parse_unit("m/s"), self.com_velocity[:ticks, axis]
+            )
+        return found
 
     def delayed_rows(self, delay_s: float) -> NDArray[np.int64]:
         """For each row, the row that was `delay_s` earlier, and the first one before there was any; (R,)."""
