@@ -16,8 +16,7 @@ from circuitkit.biped.control.reference import Body, walk_reference
 from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, servo_targets
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
 from circuitkit.biped.gait.pattern import plan_stand
-from circuitkit.biped.gait.schedule import Schedule, plan_steps
-from circuitkit.biped.gait.spec import FOLDER, Lift, Window, ZmpReference
+from circuitkit.biped.gait.schedule import FOLDER, Lift, Schedule, Window, ZmpReference, plan_steps
 from circuitkit.biped.kinematics import legs_of
 from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.control import Array

@@ -11,7 +11,7 @@ from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import Metres, Newtons, Radians
 from circuitkit.biped.gait import LEG_JOINTS, LegGeometry
-from circuitkit.biped.gait.spec import require_order
+from circuitkit.biped.gait.schedule import require_order
 from circuitkit.robots.spec import BlockSpec
 
 _OPTIONAL = frozenset({"left_ankle_roll", "right_ankle_roll"})

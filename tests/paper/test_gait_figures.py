@@ -10,7 +10,7 @@ import pytest
 
 from circuitkit.base.source import shipped_names
 from circuitkit.biped.gait import load_gait
-from circuitkit.biped.gait.spec import FOLDER
+from circuitkit.biped.gait.schedule import FOLDER
 from circuitkit.biped.references import GaitReference
 from circuitkit.biped.view import BipedView
 from circuitkit.paper.gait_figures import gait_figures, measure_gait

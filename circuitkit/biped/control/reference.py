@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.gait import LEFT, LEG_JOINTS, LegGeometry, Walk
-from circuitkit.biped.gait.legs import support_leg_length
 from circuitkit.biped.gait.lipm import com_from_zmp, dcm, natural_frequency
+from circuitkit.biped.gait.pattern import support_leg_length
 from circuitkit.biped.gait.schedule import EXTEND, LIFT, Schedule, plan_steps
 from circuitkit.control import PlannedChannel
 
