@@ -14,7 +14,7 @@ from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.biped.gait import LEG_JOINTS, GaitSpec, Walk, load_gait
 from circuitkit.biped.references import GaitReference
 from circuitkit.biped.robot import BipedBody, biped_of
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView
 from circuitkit.control import Interface
 from circuitkit.robots import RobotModel, Worlds, build_model, load_robot
 from circuitkit.simulation import (

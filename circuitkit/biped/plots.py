@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from circuitkit.biped.gait.lipm import natural_frequency
-from circuitkit.biped.sensing import LEAST_LOAD_N
+from circuitkit.biped.sensing import LEAST_LOAD_N, SETTLED_S, BipedView, support_edges_m
 from circuitkit.biped.thresholds import ThresholdMeasure
-from circuitkit.biped.view import SETTLED_S, BipedView, support_edges_m
 from circuitkit.control import Array
 from circuitkit.draw.style import (
     DASHES,

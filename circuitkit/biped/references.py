@@ -13,11 +13,10 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document, FileModel, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
 from circuitkit.biped.control.reference import Body, walk_reference
-from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, servo_targets
+from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, legs_of, servo_targets
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
 from circuitkit.biped.gait.pattern import plan_stand
 from circuitkit.biped.gait.schedule import FOLDER, Lift, Schedule, Window, ZmpReference, plan_steps
-from circuitkit.biped.kinematics import legs_of
 from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel

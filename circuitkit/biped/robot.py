@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit, parse_unit
-from circuitkit.biped.anatomy import ground_below, measured, quarters
+from circuitkit.biped.anatomy import BipedSpec, ground_below, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
-from circuitkit.biped.sensing import Array, SensorLayout, channels
-from circuitkit.biped.spec import BipedSpec
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import Array, BipedView, SensorLayout, channels
 from circuitkit.robots import Command, Robot, RobotModel
 from circuitkit.robots.model import Brought, drives_position
 

@@ -12,7 +12,7 @@ from pydantic import Field
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import Unit, parse_unit
-from circuitkit.biped.view import support_by_load
+from circuitkit.biped.sensing import support_by_load
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.control import Array
 from circuitkit.simulation.formulas import Track, Value

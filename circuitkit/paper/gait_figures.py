@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.biped.gait import LEFT, RIGHT, GaitSpec
-from circuitkit.biped.sensing import centre_of_pressure
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView, centre_of_pressure
 from circuitkit.paper.runs import record, without_pushes
 from circuitkit.simulation import Plan, Recording
 

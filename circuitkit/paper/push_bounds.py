@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.biped.anatomy import Sole
 from circuitkit.biped.gait.lipm import dcm, largest_push_force
 from circuitkit.biped.gait.support import distances_to_edge
 from circuitkit.biped.robot import biped_of
-from circuitkit.biped.spec import Sole
 from circuitkit.paper.runs import push_moment, record, without_pushes
 from circuitkit.simulation import Plan
 

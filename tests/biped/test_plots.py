@@ -19,7 +19,7 @@ from circuitkit.biped.plots import (
     summarise_biped,
     zmp_figure,
 )
-from circuitkit.biped.view import support_edges_m
+from circuitkit.biped.sensing import support_edges_m
 from circuitkit.robots import load_robot
 from circuitkit.simulation import make_plan
 from circuitkit.simulation.disturbances.jitter import Jitter

@@ -12,7 +12,7 @@ from circuitkit.base.source import shipped_names
 from circuitkit.biped.gait import load_gait
 from circuitkit.biped.gait.schedule import FOLDER
 from circuitkit.biped.references import GaitReference
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView
 from circuitkit.paper.gait_figures import gait_figures, measure_gait
 from circuitkit.paper.runs import record, without_pushes
 from circuitkit.simulation import Plan, Recording, load_scenario, make_plan

@@ -10,7 +10,7 @@ import pytest
 
 from circuitkit.biped.gait.lipm import natural_frequency
 from circuitkit.biped.robot import biped_of
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView
 from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
 from circuitkit.paper.reproduce.forces import bounds
 from circuitkit.paper.runs import push_moment, record, without_pushes

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from circuitkit.biped.plots import BAND, MM, PUSH_FILL, PUSHED
-from circuitkit.biped.view import support_edges_m
+from circuitkit.biped.sensing import support_edges_m
 from circuitkit.draw.style import EXCITATORY, INK, SMALL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
 from circuitkit.paper.reproduce.figure import Effort, ReportFigure

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from circuitkit.biped.gait.lipm import natural_frequency
 from circuitkit.biped.robot import BipedBlock
+from circuitkit.biped.sensing import SETTLED_S, BipedView, support_edges_m
 from circuitkit.biped.thresholds import ThresholdMeasure
-from circuitkit.biped.view import SETTLED_S, BipedView, support_edges_m
 from circuitkit.paper.runs import push_moment, record
 from circuitkit.simulation import Recording, RunSpec, Scenario, load_scenario, make_plan
 from circuitkit.simulation.disturbances.jitter import Jitter
