@@ -13,11 +13,19 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.silencing import ARROW, connections
 from circuitkit.draw.style import EXCITATORY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
-from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, seeds_in_words
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+)
+from circuitkit.paper.reproduce.forces import Ratio, forces_by, paired_ratio
 from circuitkit.study import Case, CaseBuilder, Study, load_study
 
 STUDY = "ablation"

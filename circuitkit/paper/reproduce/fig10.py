@@ -13,10 +13,17 @@ from circuitkit.biped.plots import BAND, MM, PUSH_FILL, PUSHED
 from circuitkit.biped.sensing import support_edges_m
 from circuitkit.draw.style import EXCITATORY, INK, SMALL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import median_range, one_line, seeds_in_words
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    median_range,
+    one_line,
+    seeds_in_words,
+)
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,

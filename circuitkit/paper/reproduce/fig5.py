@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.draw import draw_circuit
@@ -22,12 +25,12 @@ from circuitkit.draw.style import (
     plain_legend,
     tidy,
 )
-from circuitkit.paper.reproduce.answers import Answers, settled_answers
+from circuitkit.engine import compile_circuit, run
 from circuitkit.paper.reproduce.drawing import save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Verdict, all_hold
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Verdict, all_hold, one_line
+
+Array = NDArray[np.float64]
 
 CIRCUIT = "binn_lateral"
 # Section 4.2 in pairs: who acts on whom. Sensorial inputs are left out.
@@ -54,6 +57,9 @@ EDGES = {"left foot": "q3 q4", "both feet": "q1 q4", "right foot": "q1 q2"}
 _ZMP_M = np.linspace(-0.12, 0.12, 481)
 _WIDTH, _HEIGHT, _LEFT, _BETWEEN, _TOP, _BOTTOM = 2.0, 1.7, 0.6, 0.2, 0.32, 0.75  # [in]
 _ON = 0.5
+LOADS: Mapping[str, float] = {"left foot": 1.0, "both feet": 0.0, "right foot": -1.0}
+FORCES, ZMP = "force_difference", "zmp_y"
+_SETTLED = 60  # steps, after which a network without memory but its loop of p and h changes no more
 
 
 class Fig5(ReportFigure):
@@ -223,3 +229,40 @@ def _data(graph: CircuitGraph, answers: Answers) -> dict[str, object]:
         "out1": {way: answers.of("p1", way) for way in answers.outputs},
         "out2": {way: answers.of("p2", way) for way in answers.outputs},
     }
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Outputs of all neurons.
+
+    Attributes:
+        zmp_m: The ZMP; shape (k,).
+        names: Of the neurons.
+        outputs: What each neuron sends at last, by way of standing; shape (k, n), between 0 and 1.
+    """
+
+    zmp_m: Array
+    names: tuple[str, ...]
+    outputs: Mapping[str, Array]
+
+    def of(self, neuron: str, standing: str) -> Array:
+        """Outputs of one neuron; shape (k,)."""
+        return np.asarray(self.outputs[standing][:, self.names.index(neuron)])
+
+
+def settled_answers(graph: CircuitGraph, zmp_m: Array) -> Answers:
+    """Hold the inputs until the network has settled.
+
+    Args:
+        graph: A network with the inputs `force_difference` and `zmp_y`.
+        zmp_m: Places of the ZMP; shape (k,).
+    """
+    program = compile_circuit(graph)
+    columns = [list(program.input_names).index(name) for name in (FORCES, ZMP)]
+    outputs = {}
+    for standing, load in LOADS.items():
+        inputs = np.zeros((_SETTLED, len(zmp_m), len(program.input_names)))
+        inputs[..., columns[0]] = load
+        inputs[..., columns[1]] = zmp_m
+        outputs[standing] = run(program, inputs).output[-1]
+    return Answers(zmp_m, tuple(program.neuron_names), outputs)

@@ -24,10 +24,8 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.paper.reproduce.drawing import save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, all_hold
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, all_hold, one_line
 
 CIRCUIT = "binn_lateral"
 _SLOPES, _SHIFTS = (5.0, 10.0, 50.0), (0.25, 0.5, 0.75)  # around those of p: 10 and 0.5

@@ -39,11 +39,20 @@ from circuitkit.paper.design_sheet import (
 )
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, agrees, all_hold
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    agrees,
+    all_hold,
+    one_line,
+    plain,
+    seeds_in_words,
+)
 from circuitkit.paper.reproduce.forces import bounds
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line, plain, seeds_in_words
 from circuitkit.paper.runs import plan_of
 from circuitkit.simulation import Plan
 from circuitkit.study import Results, Study, load_study

@@ -21,10 +21,18 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, all_hold
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line, plain, seeds_in_words
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    all_hold,
+    one_line,
+    plain,
+    seeds_in_words,
+)
 from circuitkit.paper.reproduce.timing import (
     Times,
     mpc_solves,

@@ -12,10 +12,18 @@ from numpy.typing import NDArray
 from circuitkit.biped.plots import CYCLE_GREY, MM, PUSH_FILL, PUSHED
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, label_of, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, median_range, one_line, seeds_in_words
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    count,
+    median_range,
+    one_line,
+    seeds_in_words,
+)
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,

@@ -25,11 +25,21 @@ from circuitkit.draw.style import (
 )
 from circuitkit.paper.push_bounds import BoundsAround, dcm_bounds_around
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, LineStyle, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+    signed_percent,
+)
 from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bounds, by_contender
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, seeds_in_words, signed_percent
 from circuitkit.paper.runs import plan_of
 from circuitkit.study import Study, load_study
 

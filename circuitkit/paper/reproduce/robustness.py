@@ -10,12 +10,19 @@ from matplotlib.axes import Axes
 
 from circuitkit.draw.style import GREY, INK, NORMAL, SMALL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, label_of, save
-from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
-from circuitkit.paper.reproduce.forces import circuits_of
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, seeds_in_words
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+)
+from circuitkit.paper.reproduce.forces import Ratio, circuits_of, forces_by, paired_ratio
 from circuitkit.study import load_study
 
 STUDY = "robustness"

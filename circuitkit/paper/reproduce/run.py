@@ -16,9 +16,8 @@ import circuitkit
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import write_text
 from circuitkit.base.source import data_folder
-from circuitkit.paper.reproduce.figure import FIGURES, Effort, select
+from circuitkit.paper.reproduce.figure import FIGURES, Effort, Job, select
 from circuitkit.paper.reproduce.finding import FINDING_FILE, Finding
-from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.report import Entry, as_html, as_markdown
 
 REPORT = "report"

@@ -13,11 +13,21 @@ from circuitkit.biped.plots import MM, PUSH_FILL
 from circuitkit.draw.style import EXCITATORY, GREY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, LineStyle, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+    signed_percent,
+)
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, seeds_in_words, signed_percent
 from circuitkit.paper.runs import plan_of, record
 from circuitkit.simulation import Recording
 from circuitkit.study import CaseBuilder, Study, load_study

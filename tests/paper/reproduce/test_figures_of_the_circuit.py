@@ -11,10 +11,10 @@ from matplotlib.image import imread
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.silencing import silence
 from circuitkit.paper.reproduce import fig5, fig6, fig7, fig8, timing
-from circuitkit.paper.reproduce.answers import settled_answers
+from circuitkit.paper.reproduce.fig5 import settled_answers
 from circuitkit.paper.reproduce.fig7 import Plane
+from circuitkit.paper.reproduce.figure import Job
 from circuitkit.paper.reproduce.finding import Finding, Verdict
-from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.timing import Times, network_steps, time_in_the_loop, time_in_turns
 from circuitkit.simulation import load_scenario, make_plan
 from circuitkit.simulation.scenario import with_push
