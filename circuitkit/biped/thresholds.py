@@ -148,13 +148,9 @@ class ThresholdMeasure(BoundMeasure):
         return self._lines(values) if channel == self.channel else None
 
     def _lines(self, values: Callable[[str], Array]) -> tuple[Array, Array]:
-        lines = self.lines_m[self.support(values)]
+        loads = np.stack([values("load_left"), values("load_right")], axis=-1)
+        lines = self.lines_m[support_by_load(loads)]
         return lines[..., 0], lines[..., 1]
-
-    @staticmethod
-    def support(values: Callable[[str], Array]) -> NDArray[np.int64]:
-        """Who carries, by the measured load."""
-        return support_by_load(np.stack([values("load_left"), values("load_right")], axis=-1))
 
 
 def _recovery_s(outside: NDArray[np.bool_], pace: int, dt: float) -> float | None:

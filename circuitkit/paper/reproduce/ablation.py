@@ -26,7 +26,7 @@ from circuitkit.paper.reproduce.finding import (
     seeds_in_words,
 )
 from circuitkit.paper.reproduce.forces import Ratio, forces_by, paired_ratio
-from circuitkit.study import Case, CaseBuilder, Study, load_study
+from circuitkit.study import Case, CaseBuilder, Study
 
 STUDY = "ablation"
 WHOLE, NONE = "nothing", "everything"
@@ -55,8 +55,7 @@ class Ablation(ReportFigure):
 
     def run(self, job: Job) -> Finding:
         """Silence each neuron and each connection in turn, search the largest survived forces, draw them."""
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         cases = CaseBuilder(study)
         found: dict[str, Ratios] = {}
         parts: dict[str, tuple[Lesions, Lesions]] = {}

@@ -28,7 +28,7 @@ from circuitkit.paper.reproduce.finding import (
     signed_percent,
 )
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
-from circuitkit.study import Study, load_study, wilson_interval
+from circuitkit.study import Study, wilson_interval
 
 STUDY, THROUGH_COM = "fig11", "fig11_com"
 _QUICK: Mapping[str, Any] = {
@@ -61,11 +61,8 @@ class Fig11(ReportFigure):
 
     def run(self, job: Job) -> Finding:
         """Search the largest survived forces, set them beside the bound and the paper's, draw them."""
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
-        through_com = load_study(THROUGH_COM)
-        through_com = through_com.with_(_QUICK_COM) if job.quick else through_com
-        forces, at_com = measure(job, study), measure(job, through_com)
+        study = job.study(STUDY, _QUICK)
+        forces, at_com = measure(job, study), measure(job, job.study(THROUGH_COM, _QUICK_COM))
         seeds = study.seeds
         return Finding(
             figure=job.figure,

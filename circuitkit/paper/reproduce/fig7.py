@@ -55,7 +55,7 @@ from circuitkit.paper.reproduce.finding import (
 from circuitkit.paper.reproduce.forces import bounds
 from circuitkit.paper.runs import plan_of
 from circuitkit.simulation import Plan
-from circuitkit.study import Results, Study, load_study
+from circuitkit.study import Results, Study
 
 STUDY = "fig7"
 _QUICK: Mapping[str, Any] = {
@@ -121,8 +121,7 @@ class Fig7(ReportFigure):
     def run(self, job: Job) -> Finding:
         """Draw eq. 21 as the paper does, and who survived over the same plane."""
         sheet = make_sheet(force_n=PUSH_N, duration_s=PUSH_S, gamma=PAPER_GAMMA, step_s=PAPER_STEP_S)
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         plan = plan_of(study)
         planes = measure(job, study, plan)
         nao = body_of(plan.robot, plan.body.motion.knowledge.walk.gait)

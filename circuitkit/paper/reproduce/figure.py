@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import shutil
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from circuitkit.base.errors import UnknownNameError
 from circuitkit.base.registry import Registry
 from circuitkit.paper.reproduce.finding import Finding
-from circuitkit.study import Results, Study, Workers, open_workers, sweep
+from circuitkit.study import Results, Study, Workers, load_study, open_workers, sweep
 from circuitkit.study.store import OtherStudyError
 
 
@@ -39,6 +39,11 @@ class Job:
     workers: int | None = None
     progress: bool = False
     log: Callable[[str], object] = _silent
+
+    def study(self, name: str, quick: Mapping[str, Any]) -> Study:
+        """Load a study, with the changes that make it coarser if that is asked for."""
+        study = load_study(name)
+        return study.with_(quick) if self.quick else study
 
     def sweep(self, study: Study, name: str = "", *, apart: str = "") -> Results:
         """Run a study, or what is left of it.

@@ -41,7 +41,7 @@ from circuitkit.paper.reproduce.finding import (
 )
 from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bounds, by_contender
 from circuitkit.paper.runs import plan_of
-from circuitkit.study import Study, load_study
+from circuitkit.study import Study
 
 Array = NDArray[np.float64]
 
@@ -147,10 +147,8 @@ class Polar(ReportFigure):
 def _study(
     job: Job, name: str, quick_axes: Mapping[str, Any], axes: Mapping[str, Any] | None = None
 ) -> Study:
-    study = load_study(name)
-    if job.quick:
-        return study.with_({**_QUICK, "axes": quick_axes})
-    return study.with_({"axes": axes}) if axes else study
+    study = job.study(name, {**_QUICK, "axes": quick_axes})
+    return study.with_({"axes": axes}) if axes and not job.quick else study
 
 
 def measure(job: Job, study: Study) -> Around:

@@ -23,7 +23,6 @@ from circuitkit.paper.reproduce.finding import (
     seeds_in_words,
 )
 from circuitkit.paper.reproduce.forces import Ratio, circuits_of, forces_by, paired_ratio
-from circuitkit.study import load_study
 
 STUDY = "robustness"
 NOMINAL, BASELINE = "nominal", "open_loop"
@@ -47,8 +46,7 @@ class Robustness(ReportFigure):
 
     def run(self, job: Job) -> Finding:
         """Search the largest survived forces in every condition, with and without circuits; draw ratios."""
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         forces = forces_by(job.sweep(study, apart="contender").limits(), "condition", "contender")
         circuits = circuits_of(study)
         conditions = tuple(dict.fromkeys(condition for condition, _ in forces))

@@ -30,7 +30,7 @@ from circuitkit.paper.reproduce.finding import (
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
 from circuitkit.paper.runs import plan_of, record
 from circuitkit.simulation import Recording
-from circuitkit.study import CaseBuilder, Study, load_study
+from circuitkit.study import CaseBuilder, Study
 
 STUDY = "stepping"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "3 N", "check_below": 0}}
@@ -77,8 +77,7 @@ class Stepping(ReportFigure):
 
     def run(self, job: Job) -> Finding:
         """Search the largest forces, watch a walk without pushes, draw a run that only a step survives."""
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         forces = measure(job, study)
         calm = walk_calmly(study, _QUICK_CALM_S if job.quick else _CALM_S)
         shown = most_gained(forces)
