@@ -95,14 +95,14 @@ class GaitReference(Reference):
             raise InputError(Problem("", 0, 0, "control_step", message))
         body = biped_of(robot)
         dynamics = BodyDynamics(body)
-        walk, targets = plan_walk(
+        walk, torques_and_targets = plan_walk(
             self.gait,
             body.block.legs.geometry(),
             ticks,
             dynamics.zmp,
             lambda walk: _torques_and_targets(dynamics, body, walk),
         )
-        return _motion(robot, body, walk, targets)
+        return _motion(robot, body, walk, torques_and_targets)
 
 
 class StandSpec(FileModel):
@@ -163,9 +163,9 @@ def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) ->
     return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
 
 
-def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array | None) -> Motion:
-    found = np.zeros((planned.ticks, 0)) if torques_and_targets is None else torques_and_targets
-    torques, targets = np.hsplit(found, 2)
+def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array) -> Motion:
+    """What a walk asks of the robot, and what controllers may know of it."""
+    torques, targets = np.hsplit(torques_and_targets, 2)
     walk = as_walked(body, planned, targets)
     knowledge = walk_reference(walk, _known_body(robot, body))
     return Motion(

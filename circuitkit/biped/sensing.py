@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.units import Unit, parse_unit
+from circuitkit.biped.anatomy import BipedSpec
 from circuitkit.biped.gait.lipm import GRAVITY_M_S2, zmp_from_com
 from circuitkit.circuit.expressions.expression import Binary, Name, Number, Unary
 from circuitkit.robots.channels import Channel, Formula, Quotient
@@ -258,9 +258,9 @@ class BipedView:
     def __init__(self, recording: Recording) -> None:
         """Look at a recording of a robot with a `biped` block."""
         self.recording = recording
-        body: Any = recording.robot.blocks["biped"]
-        self.layout = body.layout
-        self.block = body.block
+        body = recording.robot.blocks["biped"]
+        self.layout: SensorLayout = body.layout
+        self.block: BipedSpec = body.block
 
     @property
     def _readings(self) -> Array:
@@ -337,14 +337,14 @@ def support_by_load(loads_n: Array) -> NDArray[np.int64]:
     return np.where(alone[..., 0], 0, np.where(alone[..., 1], 1, 2))
 
 
-def support_edges_m(block: Any) -> Array:  # noqa: ANN401 - the block of a robot file
+def support_edges_m(block: BipedSpec) -> Array:
     """Edges of the support polygon for feet side by side at the hips' distance, sideways.
 
     Returns:
         Shape (3, 2): on the left foot, on the right foot, on both; right edge, left edge; [m].
     """
     offset = block.legs.hip_offset_y
-    left, right = block.feet.left.sole, block.feet.right.sole
+    left, right = block.feet.left.extent, block.feet.right.extent
     left_foot = (offset + left.right, offset + left.left)
     right_foot = (-offset + right.right, -offset + right.left)
     return np.array([left_foot, right_foot, (right_foot[0], left_foot[1])])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +143,7 @@ class ThresholdMeasure(BoundMeasure):
         """Those of its own channel."""
         return channel == self.channel
 
-    def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:
+    def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Array, Array] | None:
         """The lines of who carries, tick by tick; shape (T,) each."""
         return self._lines(values) if channel == self.channel else None
 

@@ -242,7 +242,7 @@ def plan_walk(
     ticks: int,
     whole_body_zmp: Callable[[Walk], Array] | None = None,
     then: Callable[[Walk], Array] | None = None,
-) -> tuple[Walk, Array | None]:
+) -> tuple[Walk, Array]:
     """A walk of any duration whose ZMP follows the reference.
 
     Args:
@@ -255,7 +255,7 @@ def plan_walk(
             the walk, so it is only asked for one period.
 
     Returns:
-        The walk, and what `then` gave, shape (T, k).
+        The walk, and what `then` gave, shape (T, k); k is 0 without it.
 
     Raises:
         SimulationError: A leg cannot reach its foot.
@@ -264,13 +264,14 @@ def plan_walk(
     schedule = plan_steps(gait, steps)
     sway = com_from_zmp(schedule.zmp_m, gait.com_height, gait.control_step)
     walk = joint_angles(gait, schedule, sway, legs)
-    for _ in range(_PASSES if whole_body_zmp else 0):
-        missing = schedule.zmp_m - whole_body_zmp(walk)  # type: ignore[misc]  # not None in this loop
-        sway = sway + _PELVIS_PER_COM * com_from_zmp(missing, gait.com_height, gait.control_step)
-        walk = joint_angles(gait, schedule, sway, legs)
-    extra = then(walk) if then else None
+    if whole_body_zmp is not None:
+        for _ in range(_PASSES):
+            missing = schedule.zmp_m - whole_body_zmp(walk)
+            sway = sway + _PELVIS_PER_COM * com_from_zmp(missing, gait.com_height, gait.control_step)
+            walk = joint_angles(gait, schedule, sway, legs)
+    extra = np.zeros((walk.ticks, 0)) if then is None else then(walk)
     rows, turns = _periodic_rows(gait, ticks)
-    return _repeat(walk, rows, turns), None if extra is None else extra[rows]
+    return _repeat(walk, rows, turns), extra[rows]
 
 
 def plan_stand(

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -199,8 +200,8 @@ def _answers_figure(graph: CircuitGraph, answers: Answers) -> Figure:
             for k, (name, text) in enumerate(
                 (("p1", "Out1 (p1): too far right"), ("p2", "Out2 (p2): too far left"))
             ):
-                style = {"color": CYCLE[k], "linestyle": DASHES[k]}
-                axes.plot(1e3 * answers.zmp_m, answers.of(name, way), linewidth=1.6, label=text, **style)  # type: ignore[arg-type]
+                style: Any = {"color": CYCLE[k], "linestyle": DASHES[k], "linewidth": 1.6}
+                axes.plot(1e3 * answers.zmp_m, answers.of(name, way), label=text, **style)
             axes.set_title(
                 f"on the {way}" if "both" not in way else f"on {way}", loc="left", fontsize=SMALL + 1
             )
@@ -215,9 +216,9 @@ def _answers_figure(graph: CircuitGraph, answers: Answers) -> Figure:
     return figure
 
 
-def _first(label: str, axes: object) -> str:
+def _first(label: str, axes: Axes) -> str:
     """Return the label the first time in these axes, then none."""
-    return "" if label in axes.get_legend_handles_labels()[1] else label  # type: ignore[attr-defined]
+    return "" if label in axes.get_legend_handles_labels()[1] else label
 
 
 def _data(graph: CircuitGraph, answers: Answers) -> dict[str, object]:

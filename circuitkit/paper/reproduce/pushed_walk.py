@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.biped.anatomy import BipedSpec
 from circuitkit.biped.gait.lipm import natural_frequency
-from circuitkit.biped.robot import BipedBlock
 from circuitkit.biped.sensing import SETTLED_S, BipedView, support_edges_m
 from circuitkit.biped.thresholds import ThresholdMeasure
 from circuitkit.paper.runs import push_moment, record
@@ -146,7 +146,7 @@ def thresholds_for_pressure_m(walk: PushedWalk) -> Array:
     return np.asarray(moved[walk.view.support])
 
 
-def cell_edges_m(block: BipedBlock) -> Array:
+def cell_edges_m(block: BipedSpec) -> Array:
     """Find the edges of the force cells' hull, as `support_edges_m` does for the soles; shape (3, 2)."""
     offset = block.legs.hip_offset_y
     left = [offset + place[1] for place in block.feet.left.cells.values()]

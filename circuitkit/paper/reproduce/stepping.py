@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from circuitkit.biped.plots import MM, PUSH_FILL
 from circuitkit.draw.style import EXCITATORY, GREY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
@@ -31,6 +32,9 @@ from circuitkit.paper.reproduce.forces import Forces, listed, measure
 from circuitkit.paper.runs import plan_of, record
 from circuitkit.simulation import Recording
 from circuitkit.study import CaseBuilder, Study
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 STUDY = "stepping"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "3 N", "check_below": 0}}
@@ -131,9 +135,9 @@ def _settings(study: Study, contender: str) -> dict[str, Any]:
     return dict(next(cell.settings for cell in study.cells if cell.labels["contender"] == contender))
 
 
-def _traced(recording: Recording, name: str) -> Any:  # noqa: ANN401 - an array
+def _traced(recording: Recording, name: str) -> Array:
     """Take what the controller recorded of itself; shape (T,)."""
-    return recording.trace[:, 0, recording.trace_names.index(name)]
+    return np.asarray(recording.trace[:, 0, recording.trace_names.index(name)])
 
 
 def _claims(forces: Forces, calm: Calm, runs: int) -> tuple[Claim, ...]:
@@ -274,7 +278,7 @@ def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture
 _LEGEND: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.2}
 
 
-def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
+def _dcm_panel(axes: Axes, time_s: Array, recording: Recording, shown: Flags) -> None:
     series = {name: _traced(recording, name)[shown] * MM for name in ("dcm_y", "left_limit", "right_limit")}
     planned = series["dcm_y"] - _traced(recording, "dcm_error_y")[shown] * MM
     axes.plot(time_s, series["dcm_y"], color=INK, linewidth=1.4, label="DCM")
@@ -285,7 +289,7 @@ def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> Non
     axes.legend(ncols=3, **_LEGEND)
 
 
-def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
+def _acting_panel(axes: Axes, time_s: Array, recording: Recording, shown: Flags) -> None:
     """Draw bars where the circuit lets a step act."""
     rows = {"right": "step_share_right", "left": "step_share_left"}
     for height, name in enumerate(rows.values()):
@@ -297,7 +301,7 @@ def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> 
     axes.grid(visible=False, axis="y")
 
 
-def _legs_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
+def _legs_panel(axes: Axes, time_s: Array, recording: Recording, shown: Flags) -> None:
     degrees = np.degrees(recording.commands[shown, 0])
     names: Sequence[str] = recording.command_names
     styles = {
