@@ -29,7 +29,7 @@ from circuitkit.draw.style import (
 from circuitkit.engine import compile_circuit, run
 from circuitkit.paper.reproduce.drawing import save
 from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Verdict, all_hold, one_line
+from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, all_hold, one_line
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def _claims(graph: CircuitGraph, answers: Answers) -> tuple[Claim, ...]:
             "1",
             f"{sum(abs(w) == 1.0 for *_, w in inner)} of {len(inner)}",
             how,
-            Verdict.HOLDS if unit else Verdict.FAILS,
+            all_hold(unit),
             source="section 4.2",
         ),
         Claim(
@@ -154,7 +154,7 @@ def _claims(graph: CircuitGraph, answers: Answers) -> tuple[Claim, ...]:
             "one",
             f"the less active one sends at most {both:.2g}",
             f"inputs held, {len(answers.zmp_m)} places of the ZMP, three ways of standing",
-            Verdict.HOLDS if both < _ON else Verdict.FAILS,
+            all_hold(both < _ON),
             source="section 4.2",
         ),
     )

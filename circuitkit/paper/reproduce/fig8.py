@@ -27,7 +27,6 @@ from circuitkit.paper.reproduce.finding import (
     Finding,
     Picture,
     Table,
-    Verdict,
     all_hold,
     one_line,
     plain,
@@ -222,7 +221,7 @@ def _claims(alone: Mapping[str, Times]) -> tuple[Claim, ...]:
             "0.027 %",
             f"{_percent(compiled.mean_s)} in C, {_percent(numpy.mean_s)} in numpy",
             how,
-            Verdict.HOLDS if part < _OF_A_STEP else Verdict.FAILS,
+            all_hold(part < _OF_A_STEP),
             source="section 5.1",
         ),
         Claim(
@@ -230,7 +229,7 @@ def _claims(alone: Mapping[str, Times]) -> tuple[Claim, ...]:
             f"{others / PAPER_MEAN_S:.0f} to {longest / PAPER_MEAN_S:.0f} times as long",
             f"{others / slowest:.0f} to {longest / slowest:.0f} times as long",
             "their times as the paper quotes them, ours from numpy",
-            Verdict.HOLDS if slowest < _NEGLIGIBLE * others else Verdict.FAILS,
+            all_hold(slowest < _NEGLIGIBLE * others),
             source="section 5.1, Fig. 8",
         ),
         Claim(

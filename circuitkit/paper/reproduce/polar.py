@@ -32,6 +32,7 @@ from circuitkit.paper.reproduce.finding import (
     Picture,
     Table,
     Verdict,
+    all_hold,
     count,
     one_line,
     plain,
@@ -219,7 +220,7 @@ def _gain(claim: str, contender: str, around: Around, how: str) -> Claim:
     ours = f"{signed_percent(ratio)} over open loop; {around.of_bound(contender) * 100:.0f} % of the bound"
     ours += f"; less than the open loop in {count(worse, directions)} directions" if worse else ""
     text = f"{contender}; {how} {directions} directions, {around.duration_s:g} s; fails if one is worse"
-    verdict = Verdict.HOLDS if ratio > 1 and not worse else Verdict.FAILS
+    verdict = all_hold(ratio > 1 and not worse)
     return Claim(claim, "planned", ours, text, verdict, source=_BEYOND)
 
 
