@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from circuitkit import compile_circuit, load_circuit, run
 from circuitkit.biped.gait.lipm import natural_frequency
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView
 from circuitkit.draw.style import CYCLE, DASHES, GREY, SMALL, house_style, new_figure, save_figure, tidy
 from circuitkit.simulation import simulate
 from circuitkit.simulation.loop import run_loop

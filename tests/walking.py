@@ -9,12 +9,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import WalkReference
+from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.biped.gait import LEG_JOINTS, GaitSpec, Walk, load_gait
 from circuitkit.biped.references import GaitReference
 from circuitkit.biped.robot import BipedBody, biped_of
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView
 from circuitkit.control import Interface
 from circuitkit.robots import RobotModel, Worlds, build_model, load_robot
 from circuitkit.simulation import (
@@ -96,13 +96,18 @@ def known_of(plan: Plan) -> WalkReference:
 
 def interface_of(known: WalkReference) -> Interface:
     """What a controller gets to know of a NAO on a walk."""
-    return Interface(nao().channel_units, nao().command_units, known.step_s, planned_channels(known), known)
+    return Interface(nao().channel_units, nao().command_units, known.step_s, known.planned_channels(), known)
 
 
 def walk_of_nao(gait: GaitSpec, ticks: int) -> tuple[Walk, Motion]:
     """A walk that is right for the NAO, and what its servos are to do."""
     motion = GaitReference(gait).motion(nao(), ticks, gait.control_step)
     return motion.knowledge.walk, motion
+
+
+def joint_targets(walk: Walk) -> np.ndarray:
+    """Angles of all joints of the NAO with servos along a walk; shape (T, n), [rad]."""
+    return generalised_positions(nao_body(), walk)[:, nao_body().qpos_index]
 
 
 def naos(

@@ -1,25 +1,27 @@
-"""What the MJCF itself says of a biped: which way its joints turn, how long legs are, where soles end.
+"""Which parts of an MJCF are torso, feet and legs: what a `biped` block says, and measures for what it omits.
 
-All of it is read in one pose: torso upright, legs straight, every joint of them at its offset.
+All of them are taken in one pose: torso upright, legs straight, every joint of them at its offset.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Iterator, Mapping
+from typing import Annotated, TypeVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem
-from circuitkit.biped.gait import SIDES
-from circuitkit.biped.spec import CORNERS, BipedSpec, Foot, LegJoint, Legs, Sole
+from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.source import FileModel
+from circuitkit.base.source.fields import Metres, Newtons, Radians
+from circuitkit.biped.gait import LEG_JOINTS, SIDES, LegGeometry
+from circuitkit.biped.gait.schedule import require_order
 from circuitkit.robots import RobotModel
+from circuitkit.robots.spec import BlockSpec
 
 Array = NDArray[np.float64]
-_Block = TypeVar("_Block", bound=BipedSpec)
 
 _LEAST_CELL_M = 0.06  # half the width of a cell's volume: from the middle of the sole past its edge
 _CELL_HALF_HEIGHT_M = 0.02
@@ -27,6 +29,173 @@ _CELL_INSET = 0.15  # a cell that nobody places is so much of the sole's length 
 _ALONG = 0.5  # the least part of a joint's axis that must lie along x or y
 _ABOVE_M = 0.3  # the ground is looked for from so far above the torso's origin
 _MICRON = 6  # decimals of a measured length, [m]
+
+_OPTIONAL = frozenset({"left_ankle_roll", "right_ankle_roll"})
+CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
+
+Pair = Annotated[
+    tuple[Metres, Metres], BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+]
+
+
+class Sole(FileModel):
+    """Extent of a sole from its ankle."""
+
+    back: Metres
+    front: Metres
+    right: Metres
+    left: Metres
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Sole:
+        require_order(self, "back", "front")
+        require_order(self, "right", "left")
+        return self
+
+
+class Foot(FileModel):
+    """One foot."""
+
+    body: str = Field(description="Body of the foot in the MJCF; its frame is what is called the ankle.")
+    sole: Sole | None = Field(
+        default=None, description="Extent of the sole, for the support polygon; measured if not given."
+    )
+    cells: Mapping[str, Pair] = Field(
+        default={},
+        description="Four force cells: forward and left of the ankle; near the sole's corners if not given.",
+    )
+
+    @model_validator(mode="after")
+    def _four_cells(self) -> Foot:
+        if len(self.cells) not in {0, len(CORNERS)}:
+            message = f"cells: found {len(self.cells)}; allowed: {len(CORNERS)}, or none"
+            raise ValueError(message)
+        return self
+
+    @property
+    def extent(self) -> Sole:
+        """The sole of a compiled robot, where it is known in any case."""
+        if self.sole is None:
+            message = f"the sole of '{self.body}' is measured when the robot is compiled"
+            raise ValueError(message)
+        return self.sole
+
+
+class Feet(FileModel):
+    """Both feet."""
+
+    left: Foot
+    right: Foot
+
+    @model_validator(mode="after")
+    def _own_cells(self) -> Feet:
+        for name in self.left.cells:
+            if name in self.right.cells:
+                message = f"the cell '{name}' is in both feet; allowed: names of their own"
+                raise ValueError(message)
+        return self
+
+
+class Legs(FileModel):
+    """Lengths of the legs; what is not given is measured in the MJCF, with straight legs."""
+
+    thigh: Metres = Field(default=0.0, gt=0)
+    tibia: Metres = Field(default=0.0, gt=0)
+    ankle_height: Metres = Field(default=0.0, ge=0, description="Ankle above the sole.")
+    hip_offset_x: Metres = Field(default=0.0, description="Hips ahead of the torso's origin.")
+    hip_offset_y: Metres = Field(default=0.0, gt=0, description="Half the distance between the feet.")
+    hip_offset_z: Metres = Field(default=0.0, description="Hips below the torso's origin.")
+
+    def geometry(self) -> LegGeometry:
+        """The same, as the walking pattern wants it."""
+        return LegGeometry(self.thigh, self.tibia, self.ankle_height, self.hip_offset_y, self.hip_offset_z)
+
+
+class ForceCells(FileModel):
+    """What the force cells can measure."""
+
+    range: tuple[Newtons, Newtons] = Field(description="Readings are clipped to this.")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ForceCells:
+        low, high = self.range
+        if low >= high:
+            message = f"found a range from {low:g} to {high:g}; allowed: the lower end first"
+            raise ValueError(message)
+        return self
+
+
+class LegJoint(FileModel):
+    """A joint of a leg that turns the other way, or is measured from another angle, in the MJCF."""
+
+    joint: str = Field(description="Name in the MJCF.")
+    sign: int | None = Field(
+        default=None,
+        description="-1 if it turns the other way: pitch about -y, roll about -x; read off its axis if not "
+        "given.",
+    )
+    offset: Radians = Field(
+        default=0.0, description="Its angle in the MJCF when the leg is straight and the foot level."
+    )
+
+    @model_validator(mode="after")
+    def _is_a_sign(self) -> LegJoint:
+        if self.sign not in {None, 1, -1}:
+            message = f"found the sign {self.sign}; allowed: 1 or -1"
+            raise ValueError(message)
+        return self
+
+
+class BipedSpec(BlockSpec):
+    """What the file says; `robot.BipedBlock` says what becomes of it."""
+
+    torso: str = Field(description="Body that hangs from a free joint and carries everything.")
+    imu: str | None = Field(
+        default=None, description="Site of the inertial measurement unit; the torso's origin if not given."
+    )
+    feet: Feet = Field(description="For left and right: body, sole, cells.")
+    legs: Legs = Field(
+        default=Legs(), description="Lengths of the legs; what is not given is measured in the MJCF."
+    )
+    joints: Mapping[str, str | LegJoint] = Field(
+        description="The MJCF's joint by role; {joint: NAME, sign: -1} where it turns the other way."
+    )
+    force_cells: ForceCells = Field(
+        default=ForceCells(range=(0.0, 1e6)),
+        description="The range of the force cells, to which readings are clipped.",
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> BipedSpec:
+        needed = [name for name in LEG_JOINTS if name not in _OPTIONAL]
+        if missing := [name for name in needed if name not in self.joints]:
+            message = f"joints: missing {listing(missing)}; required: {listing(needed)}"
+            raise ValueError(message)
+        if unknown := [name for name in self.joints if name not in LEG_JOINTS]:
+            hint = suggest(unknown[0], LEG_JOINTS)
+            message = (
+                f"joints: unknown '{unknown[0]}'; allowed: {listing(LEG_JOINTS)}{'; ' if hint else ''}{hint}"
+            )
+            raise ValueError(message)
+        return self
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """The legs' joints that the robot has, in the order of `LEG_JOINTS`."""
+        return tuple(role for role in LEG_JOINTS if role in self.joints)
+
+    def joint(self, role: str) -> LegJoint:
+        """A joint with its sign."""
+        found = self.joints[role]
+        return LegJoint(joint=found) if isinstance(found, str) else found
+
+    def cells(self, side: str) -> Mapping[str, tuple[float, float]]:
+        """The force cells of a foot; where the file gives none, our own names in places to be measured."""
+        given = getattr(self.feet, side).cells
+        return given or {f"{side}_cell_{corner}": (0.0, 0.0) for corner in CORNERS}
+
+
+_Block = TypeVar("_Block", bound=BipedSpec)
 
 
 def measured(block: _Block, robot: RobotModel) -> _Block:
@@ -42,7 +211,7 @@ def measured(block: _Block, robot: RobotModel) -> _Block:
     pose = _Straight(block, robot)
     joints = _joints(block, robot, pose)
     legs = _legs(block, pose)
-    feet = {side: _foot(block, side, pose, legs) for side in SIDES}
+    feet = {side: _foot(block, side, pose) for side in SIDES}
     made = block.model_copy(
         update={"joints": joints, "legs": legs, "feet": block.feet.model_copy(update=feet)}
     )
@@ -85,27 +254,19 @@ def ground_below(model: mujoco.MjModel, torso: int, qpos: Array) -> float:
     return 0.0
 
 
-@dataclass(frozen=True, eq=False)
 class _Straight:
     """The pose in which everything is measured, at the world's origin."""
 
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    torso: int
-
     def __init__(self, block: BipedSpec, robot: RobotModel) -> None:
-        model = robot.model
-        data = mujoco.MjData(model)
-        torso = int(model.body(block.torso).id)
-        base = int(model.jnt_qposadr[model.body_jntadr[torso]])
+        self.model = model = robot.model
+        self.data = data = mujoco.MjData(model)
+        base = int(model.jnt_qposadr[model.body_jntadr[model.body(block.torso).id]])
         data.qpos[:] = robot.start_qpos
         data.qpos[base : base + 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         for role in block.roles:
             joint = block.joint(role)
             data.qpos[model.jnt_qposadr[model.joint(joint.joint).id]] = joint.offset
         mujoco.mj_kinematics(model, data)
-        for name, value in (("model", model), ("data", data), ("torso", torso)):
-            object.__setattr__(self, name, value)
 
     def axis(self, joint: str) -> Array:
         found: Array = self.data.xaxis[self.model.joint(joint).id]
@@ -184,7 +345,8 @@ def _legs(block: BipedSpec, pose: _Straight) -> Legs:
     return Legs(**{name: round(float(value), _MICRON) + 0.0 for name, value in found.items()} | given)
 
 
-def _foot(block: BipedSpec, side: str, pose: _Straight, legs: Legs) -> Foot:  # noqa: ARG001 - as the others
+def _foot(block: BipedSpec, side: str, pose: _Straight) -> Foot:
+    """A foot with its sole and its cells, measured where they are not given."""
     foot: Foot = getattr(block.feet, side)
     sole = foot.sole
     if sole is None:
@@ -192,15 +354,10 @@ def _foot(block: BipedSpec, side: str, pose: _Straight, legs: Legs) -> Foot:  # 
         sole = Sole(back=float(low[0]), front=float(high[0]), right=float(low[1]), left=float(high[1]))
     cells = foot.cells
     if not cells:
-        x = [
-            sole.front - _CELL_INSET * (sole.front - sole.back),
-            sole.back + _CELL_INSET * (sole.front - sole.back),
-        ]
-        y = [
-            sole.left - _CELL_INSET * (sole.left - sole.right),
-            sole.right + _CELL_INSET * (sole.left - sole.right),
-        ]
-        places = [(x[0], y[0]), (x[0], y[1]), (x[1], y[0]), (x[1], y[1])]
+        inset_x, inset_y = _CELL_INSET * (sole.front - sole.back), _CELL_INSET * (sole.left - sole.right)
+        front, rear = sole.front - inset_x, sole.back + inset_x
+        left, right = sole.left - inset_y, sole.right + inset_y
+        places = [(front, left), (front, right), (rear, left), (rear, right)]  # as CORNERS
         cells = {f"{side}_cell_{corner}": place for corner, place in zip(CORNERS, places, strict=True)}
     return foot.model_copy(update={"sole": sole, "cells": cells})
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from circuitkit.biped.gait.lipm import natural_frequency
+from circuitkit.biped.sensing import LEAST_LOAD_N, SETTLED_S, BipedView, support_edges_m
 from circuitkit.biped.thresholds import ThresholdMeasure
-from circuitkit.biped.view import BipedView, support_edges_m
 from circuitkit.control import Array
 from circuitkit.draw.style import (
     DASHES,
@@ -37,10 +38,7 @@ PUSHED = "#c8201a"  # from the push on, as in the paper
 CYCLE_GREY = "#a6a6a6"
 BAND, PUSH_FILL, WINDOW_FILL = "#dcdcdc", "#f6c945", "#eef3f8"
 _WIDTH_IN = 7.2
-_LEAST_LOAD_N = 1.0  # with less on both feet there is no ZMP
-_GRAVITY = 9.81
 _FALL_DEG, _LYING_DEG = 45.0, 90.0
-_SETTLED_S = 2.0  # until then a walk that begins from standing is not on its limit cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +84,7 @@ def summarise_biped(result: Result, run: RunSummary, robot: int = 0) -> BipedSum
     lines = np.full((3, 2), np.nan) if measure is None else measure.lines_m
     channel = "zmp_y" if measure is None else measure.channel
     edges = support_edges_m(view.block) * MM
-    carried = view.loads_n[:, robot].sum(axis=-1) > _LEAST_LOAD_N
+    carried = view.loads_n[:, robot].sum(axis=-1) > LEAST_LOAD_N
     com = view.com_m[:, robot]
     upward = recording.channel("upright")[:, robot]
     return BipedSummary(
@@ -238,7 +236,7 @@ def phase_figure(story: BipedSummary) -> Figure:
         axes = figure.subplots()
         tidy(axes)
         y, v = story.com_mm, story.com_velocity_mm_s
-        settled = story.run.time_s >= min(_SETTLED_S, story.run.time_s[-1] / 2)
+        settled = story.run.time_s >= min(SETTLED_S, story.run.time_s[-1] / 2)
         before, after = _before_and_after(story, y)
         before[~settled] = np.nan
         cycle: dict[str, Any] = {"color": CYCLE_GREY, "linewidth": 1.7, "zorder": 2.5, "gid": "com_before"}
@@ -297,7 +295,7 @@ def _frame(axes: Axes, x: Array, y: Array) -> None:
 def _capture_lines(axes: Axes, story: BipedSummary) -> None:
     """Where the capture point reaches the outer edges of the soles, as far as that is in the picture."""
     edges = story.edges_mm
-    omega = np.sqrt(_GRAVITY / story.com_height_m)
+    omega = natural_frequency(story.com_height_m)
     x = np.array(axes.get_xlim())
     low, high = axes.get_ylim()
     label: str | None = "capture point at the outer edge of a foot"

@@ -12,14 +12,11 @@ from pydantic import Field
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document, FileModel, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
-from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import Body, walk_reference
-from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, servo_targets
+from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, legs_of, servo_targets
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
 from circuitkit.biped.gait.pattern import plan_stand
-from circuitkit.biped.gait.schedule import Schedule, plan_steps
-from circuitkit.biped.gait.spec import FOLDER, Lift, Window, ZmpReference
-from circuitkit.biped.kinematics import legs_of
+from circuitkit.biped.gait.schedule import FOLDER, Lift, Schedule, Window, ZmpReference, plan_steps
 from circuitkit.biped.robot import BipedBody, biped_of
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel
@@ -98,14 +95,14 @@ class GaitReference(Reference):
             raise InputError(Problem("", 0, 0, "control_step", message))
         body = biped_of(robot)
         dynamics = BodyDynamics(body)
-        walk, targets = plan_walk(
+        walk, torques_and_targets = plan_walk(
             self.gait,
             body.block.legs.geometry(),
             ticks,
             dynamics.zmp,
             lambda walk: _torques_and_targets(dynamics, body, walk),
         )
-        return _motion(robot, body, walk, targets)
+        return _motion(robot, body, walk, torques_and_targets)
 
 
 class StandSpec(FileModel):
@@ -166,22 +163,22 @@ def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) ->
     return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
 
 
-def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array | None) -> Motion:
-    found = np.zeros((planned.ticks, 0)) if torques_and_targets is None else torques_and_targets
-    torques, targets = np.hsplit(found, 2)
+def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array) -> Motion:
+    """What a walk asks of the robot, and what controllers may know of it."""
+    torques, targets = np.hsplit(torques_and_targets, 2)
     walk = as_walked(body, planned, targets)
-    knowledge = walk_reference(walk, known_body(robot, body))
+    knowledge = walk_reference(walk, _known_body(robot, body))
     return Motion(
         targets=servo_targets(body, targets, torques),
         start_qpos=generalised_positions(body, planned.rows(slice(0, 1)))[0],
-        planned=planned_channels(knowledge),
+        planned=knowledge.planned_channels(),
         columns={"step": walk.schedule.step, "phase": walk.schedule.phase},
         knowledge=knowledge,
         pace_s=walk.gait.step_ticks * walk.gait.control_step,
     )
 
 
-def known_body(robot: RobotModel, biped: BipedBody) -> Body:
+def _known_body(robot: RobotModel, biped: BipedBody) -> Body:
     """What a controller may know of the robot."""
     block, roles = biped.block, biped.block.roles
     soles = [getattr(block.feet, side).sole for side in SIDES]
@@ -211,15 +208,10 @@ def _moment(where: Mapping[str, Any]) -> GaitMoment:
 @lru_cache(maxsize=32)
 def _schedule(gait: GaitSpec, ticks: int) -> Schedule:
     """The time plan of a walk of so many ticks; made once for all pushes."""
-    steps = max(ticks - round(gait.stand / gait.control_step), 0) // gait.step_ticks + 1
-    longer = plan_steps(gait, steps)
-    return Schedule(**{name: getattr(longer, name)[:ticks] for name in Schedule.__dataclass_fields__})
+    return plan_steps(gait, gait.steps_within(ticks)).rows(slice(ticks))
 
 
 def _directions(support: int) -> dict[str, Array]:
     """Inward is towards the foot in the air, outward away from it."""
     outward = 1.0 if support == LEFT else -1.0
     return {"outward": np.array([0.0, outward, 0.0]), "inward": np.array([0.0, -outward, 0.0])}
-
-
-__all__ = ["GaitReference", "StandReference", "known_body"]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -13,13 +13,18 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit, parse_unit
-from circuitkit.biped.anatomy import ground_below, measured, quarters
+from circuitkit.biped.anatomy import BipedSpec, ground_below, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
-from circuitkit.biped.sensing import Array, SensorLayout, channels
-from circuitkit.biped.spec import BipedSpec
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import Array, BipedView, SensorLayout, channels
 from circuitkit.robots import Command, Robot, RobotModel
 from circuitkit.robots.model import Brought, drives_position
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from circuitkit.simulation.recording import Recording
+    from circuitkit.simulation.result import Result
+    from circuitkit.simulation.summary import RunSummary
 
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts of the foot
 
@@ -266,17 +271,17 @@ class BipedBody:
             "feet": ", ".join(SIDES),
         }
 
-    def columns(self, recording: Any) -> dict[str, tuple[Array, Unit]]:  # noqa: ANN401 - a recording, which is above
+    def columns(self, recording: Recording) -> dict[str, tuple[Array, Unit]]:
         """What is recorded beside the channels; shape (T, B) each."""
         return BipedView(recording).columns()
 
-    def figures(self, result: Any, summary: Any) -> dict[str, Any]:  # noqa: ANN401 - of packages that are above
+    def figures(self, result: Result, summary: RunSummary) -> dict[str, Figure]:
         """Figs. 9 and 10 of a run, by the name of their file."""
         from circuitkit.biped.plots import biped_figures  # brings matplotlib
 
         return biped_figures(result, summary)
 
-    def comparison(self, results: Any) -> Any:  # noqa: ANN401 - as above
+    def comparison(self, results: Sequence[Result]) -> Figure:
         """A picture of several runs side by side."""
         from circuitkit.biped.plots import comparison_figure  # brings matplotlib
 

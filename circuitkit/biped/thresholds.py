@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from pydantic import Field
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import Unit, parse_unit
-from circuitkit.biped.view import support_by_load
+from circuitkit.biped.sensing import support_by_load
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.control import Array
 from circuitkit.simulation.formulas import Track, Value
@@ -143,18 +143,14 @@ class ThresholdMeasure(BoundMeasure):
         """Those of its own channel."""
         return channel == self.channel
 
-    def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:
+    def bounds(self, channel: str, values: Callable[[str], Array]) -> tuple[Array, Array] | None:
         """The lines of who carries, tick by tick; shape (T,) each."""
         return self._lines(values) if channel == self.channel else None
 
     def _lines(self, values: Callable[[str], Array]) -> tuple[Array, Array]:
-        lines = self.lines_m[self.support(values)]
+        loads = np.stack([values("load_left"), values("load_right")], axis=-1)
+        lines = self.lines_m[support_by_load(loads)]
         return lines[..., 0], lines[..., 1]
-
-    @staticmethod
-    def support(values: Callable[[str], Array]) -> NDArray[np.int64]:
-        """Who carries, by the measured load."""
-        return support_by_load(np.stack([values("load_left"), values("load_right")], axis=-1))
 
 
 def _recovery_s(outside: NDArray[np.bool_], pace: int, dt: float) -> float | None:

@@ -83,7 +83,7 @@ class Panel:
     """One axes.
 
     Attributes:
-        label: Of the vertical axis, with its unit, such as `ZMP y [mm]`.
+        label: Of the vertical axis, with its unit, such as `speed [m/s]`.
         lines: The curves.
         bands: The areas behind them.
         height: [in].

@@ -13,7 +13,7 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.biped.dynamics import generalised_positions
 from circuitkit.biped.gait import SIDES, GaitSpec, load_gait
 from circuitkit.biped.gait.lipm import com_from_zmp, dcm
-from circuitkit.biped.gait.pattern import joint_angles
+from circuitkit.biped.gait.pattern import joint_angles, standing_leg_length
 from circuitkit.biped.gait.schedule import plan_steps
 from circuitkit.biped.robot import BipedBlock, BipedBody, biped_of
 from circuitkit.paper.design_sheet import Body, Reach
@@ -140,11 +140,8 @@ def _standing(biped: BipedBody, gait: GaitSpec, ankle_roll_rad: float) -> tuple[
     """
     legs = biped.block.legs.geometry()
     schedule = plan_steps(gait, 1)
-    length = math.sqrt(
-        legs.thigh_m**2 + legs.tibia_m**2 + 2 * legs.thigh_m * legs.tibia_m * math.cos(gait.knee)
-    )
     pelvis = np.zeros((len(schedule.step), 2))
-    pelvis[:, 1] = length * math.sin(ankle_roll_rad)  # eq. 3
+    pelvis[:, 1] = standing_leg_length(gait.knee, legs) * math.sin(ankle_roll_rad)  # eq. 3
     positions = generalised_positions(biped, joint_angles(gait, schedule, pelvis, legs))
     data = mujoco.MjData(biped.model)
     data.qpos = positions[0]

@@ -25,7 +25,7 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.paper import equations as eq
-from circuitkit.paper.design_sheet import Bound, Sheet, show
+from circuitkit.paper.design_sheet import SHORT_PUSH_S, Bound, Sheet, show
 
 UNSTABLE = "#dedede"  # the region of Fig. 7
 _WIDTH, _HEIGHT = 3.1, 2.5  # of a panel, [in]
@@ -33,10 +33,7 @@ _LEFT, _RIGHT, _BETWEEN, _TOP, _BOTTOM, _LEGEND_ROW = 0.62, 0.22, 0.78, 0.32, 0.
 _WIDTHS = (2.0, 1.1)  # of lines, by direction: they stay apart in grey, [pt]
 _POINTS = 200
 _ROOM = 1.35  # an axis ends this much beyond the last thing on it
-_SHORTEST_S, _SHORT_S = (
-    0.02,
-    1.0,
-)  # of the axis of durations: the equations are for pushes of less than a second
+_SHORTEST_S = 0.02  # where the axis of durations begins; it ends with the pushes that the equations are for
 
 Array = NDArray[np.float64]
 
@@ -104,7 +101,7 @@ def paint_weights(axes: Axes, sheet: Sheet) -> None:
 def paint_forces(axes: Axes, sheet: Sheet) -> None:
     """Paint what can be held for how long by eq. 21 with this w, by eq. 22, and by the bound of the DCM."""
     body = sheet.body
-    last_s = max(min(_SHORT_S, 4.0 * sheet.duration_s), _ROOM * sheet.duration_s)
+    last_s = max(min(SHORT_PUSH_S, 4.0 * sheet.duration_s), _ROOM * sheet.duration_s)
     time = np.linspace(_SHORTEST_S, last_s, _POINTS)
     by_weight = np.array(
         [

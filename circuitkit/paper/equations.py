@@ -303,16 +303,8 @@ def duration_for_weight(
 ) -> float:
     """Dt = m z_CoM sin(w) / (gamma F_ext t_step), in seconds: eq. 21 for the longest push of a w.
 
-    Args:
-        weight_rad: w, from 0 to a quarter turn.
-        force_n: F_ext.
-        mass_kg: m.
-        com_height_m: z_CoM, or the measured lever.
-        step_s: t_step.
-        gamma: The safety factor.
-
-    Raises:
-        InputError: A number is not positive, or w is negative or more than a quarter turn.
+    Force and duration enter eq. 21 as their product, so this is `force_for_weight` with F_ext for dt, and its
+    arguments and errors are those.
     """
     require_positive(force_n=force_n)
     return force_for_weight(weight_rad, force_n, mass_kg, com_height_m, step_s, gamma)
@@ -324,18 +316,7 @@ def gamma_of_weight(
     """Gamma = m z_CoM sin(w) / (dt F_ext t_step), dimensionless: eq. 21 for the safety factor that a w has.
 
     Below 1 the CoM moves more slowly than the push moves it, against eq. 18. The paper's 1.63 degrees has
-    0.995 for its own push of 20 N and 0.2 s.
-
-    Args:
-        weight_rad: w, from 0 to a quarter turn.
-        force_n: F_ext.
-        duration_s: dt.
-        mass_kg: m.
-        com_height_m: z_CoM, or the measured lever.
-        step_s: t_step.
-
-    Raises:
-        InputError: A number is not positive, or w is negative or more than a quarter turn.
+    0.995 for its own push of 20 N and 0.2 s. Arguments and errors are those of `force_for_weight`.
     """
     require_positive(force_n=force_n)
     return force_for_weight(weight_rad, duration_s, mass_kg, com_height_m, step_s) / force_n

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.biped.gait import LEFT, RIGHT, GaitSpec
-from circuitkit.biped.sensing import centre_of_pressure
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView, centre_of_pressure
 from circuitkit.paper.runs import record, without_pushes
 from circuitkit.simulation import Plan, Recording
 
@@ -91,7 +90,7 @@ def gait_figures(recording: Recording) -> GaitFigures:
 
 def _drift_per_2m(torso: NDArray[np.float64], gait: GaitSpec) -> float:
     """Measure the drift on 2 m forward, between equal phases so that no sway counts; 0 on the spot."""
-    start = round(gait.stand / gait.control_step) + _SETTLED_STEPS * gait.step_ticks
+    start = gait.stand_ticks + _SETTLED_STEPS * gait.step_ticks
     cycle = 2 * gait.step_ticks
     cycles = (len(torso) - 1 - start) // cycle
     if gait.step_length == 0 or cycles < 1:

@@ -309,3 +309,42 @@ def test_feet_go_where_the_walk_wants_them_on_legs_of_another_build(folder, tmp_
         }
     )
     assert simulate(calm).survived
+
+
+def test_feet_without_an_ankle_roll_stand_where_they_shall_and_level_fore_and_aft(folder, tmp_path):
+    """Five joints a leg: the sole rolls with the leg; the rest is as the walk wants it, to ten microns."""
+    other(folder)
+    tree = ET.parse(folder / "other.xml")
+    file = yaml.safe_load((folder / "robot.yaml").read_text(encoding="utf-8"))
+    gone = set()
+    for side in ("left", "right"):
+        joint = file["biped"]["joints"].pop(f"{side}_ankle_roll")
+        gone.add(joint if isinstance(joint, str) else joint["joint"])
+    for parent in tree.getroot().iter():
+        for part in list(parent):
+            if (part.tag == "joint" and part.get("name") in gone) or part.get("joint") in gone:
+                parent.remove(part)
+    file["hold"] = {name: angle for name, angle in file["hold"].items() if name not in gone}
+    tree.write(tmp_path / "other.xml")
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(file), encoding="utf-8")
+    plan = walk_of(str(tmp_path / "robot.yaml"))
+    body, walk = biped_of(plan.robot), plan.body.motion.knowledge.walk
+    legs, positions = body.block.legs, generalised_positions(body, walk)
+    data = mujoco.MjData(body.model)
+    rolled = []
+    for tick in (0, 150, 230, 300):
+        data.qpos[:] = positions[tick]
+        mujoco.mj_kinematics(body.model, data)
+        slope = walk.pelvis_m[tick, 1] / (walk.pelvis_m[tick, 2] - legs.ankle_height)
+        for side, sign in enumerate((1.0, -1.0)):
+            lift = walk.schedule.lift_m[tick, side]
+            wanted = [
+                walk.schedule.feet_x_m[tick, side],
+                sign * legs.hip_offset_y + lift * slope,
+                legs.ankle_height + lift,
+            ]
+            np.testing.assert_allclose(data.xpos[body.feet_id[side]] - body.origin_m, wanted, atol=1e-5)
+            forward, left, _ = data.xmat[body.feet_id[side]].reshape(3, 3)[2]
+            assert forward == pytest.approx(0, abs=1e-4)
+            rolled.append(abs(left))
+    assert max(rolled) > np.radians(3)

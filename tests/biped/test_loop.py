@@ -23,7 +23,7 @@ from walking import (
 )
 
 from circuitkit import parse_circuit
-from circuitkit.biped.spec import ForceCells
+from circuitkit.biped.anatomy import ForceCells
 from circuitkit.robots import load_robot
 from circuitkit.simulation import RunSpec
 from circuitkit.simulation.disturbance import Hook

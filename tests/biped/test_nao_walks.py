@@ -8,10 +8,10 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
-from walking import GAITS, nao, nao_body, naos, walk_of_nao
+from walking import GAITS, joint_targets, nao, nao_body, naos, walk_of_nao
 
 from circuitkit.base.errors import SimulationError, UnknownNameError
-from circuitkit.biped.dynamics import BodyDynamics, joint_targets
+from circuitkit.biped.dynamics import BodyDynamics
 from circuitkit.biped.gait import LEG_JOINTS, load_gait
 from circuitkit.biped.gait.lipm import zmp_from_com
 from circuitkit.biped.robot import COMMANDS
@@ -81,13 +81,13 @@ def test_the_walk_of_a_nao_is_nearly_its_own_mirror_image(name):
 def test_targets_are_ahead_of_the_walk_by_what_the_servos_sag():
     walk, motion = walk_of("gait_march")
     torques = BodyDynamics(nao_body()).torques(walk)[200:300]
-    ahead = (motion.targets - joint_targets(nao_body(), walk))[200:300] * nao_body().stiffness
+    ahead = (motion.targets - joint_targets(walk))[200:300] * nao_body().stiffness
     np.testing.assert_allclose(ahead, torques, atol=1e-9)
 
 
 def test_standing_pitches_do_not_sag_because_their_load_is_known():
     walk, _ = still()
-    left = standing().qpos[0, nao_body().qpos_index] - joint_targets(nao_body(), walk)[250]
+    left = standing().qpos[0, nao_body().qpos_index] - joint_targets(walk)[250]
     sag = BodyDynamics(nao_body()).torques(walk)[250] / nao_body().stiffness
     pitches = [i for i, role in zip(nao_body().leg_servo, LEG_JOINTS, strict=True) if "pitch" in role]
     left, sag = (np.degrees(np.abs(angles[pitches]).max()) for angles in (left, sag))
@@ -99,7 +99,7 @@ def test_marching_joints_follow_the_walk():
     """Within 0.6 degrees, root mean square, but that rolls lag by damping over stiffness times their rate."""
     walk, _ = walk_of("gait_march")
     _, qpos = marching()
-    wanted = joint_targets(nao_body(), walk)
+    wanted = joint_targets(walk)
     error = np.degrees(qpos[:, nao_body().qpos_index] - wanted)[LEAD:, nao_body().leg_servo]
     lag = np.degrees(3.55 / 100 * np.gradient(wanted, 0.01, axis=0))[LEAD:, nao_body().leg_servo]
     for i, role in enumerate(LEG_JOINTS):

@@ -19,7 +19,7 @@ from circuitkit.biped.plots import (
     summarise_biped,
     zmp_figure,
 )
-from circuitkit.biped.view import support_edges_m
+from circuitkit.biped.sensing import support_edges_m
 from circuitkit.robots import load_robot
 from circuitkit.simulation import make_plan
 from circuitkit.simulation.disturbances.jitter import Jitter
@@ -153,9 +153,8 @@ def test_a_fall_is_marked_and_ends_the_curves(fallen):
 def test_missing_readings_are_marked_where_the_cell_failed():
     result = run("circuit", disturbances=[fault("LFsrFL", "missing", 1.0, 0.3)])
     missing = artist(zmp_figure(told(result)), "missing").get_xdata()
-    np.testing.assert_allclose(
-        missing, np.arange(101, 131) * TICK_S
-    )  # the ends of the ticks from 1.0 to 1.3 s
+    # The ends of the ticks from 1.0 to 1.3 s.
+    np.testing.assert_allclose(missing, np.arange(101, 131) * TICK_S)
 
 
 def test_the_phase_portrait_shows_the_centre_of_mass_and_its_velocity(pushed):
@@ -187,9 +186,8 @@ def test_the_comparison_titles_each_column_with_its_verdict(pushed, fallen):
         f"circuit: {end}",
     ]
     time, tilt = artist(figure, "tilt_0").get_data()
-    assert (
-        tilt[time < fall - TICK_S / 2].max() < 45.6
-    )  # the fall is where the torso's axis leans by 45 degrees
+    # The fall is where the torso's axis leans by 45 degrees.
+    assert tilt[time < fall - TICK_S / 2].max() < 45.6
     assert tilt[np.searchsorted(time, fall - TICK_S / 2)] > 45.0
 
 

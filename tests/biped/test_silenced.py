@@ -21,6 +21,5 @@ def test_a_circuit_whose_ends_are_silenced_is_the_open_loop() -> None:
     assert np.array_equal(runs["cut"].qpos, runs["open"].qpos)
     assert np.abs(runs["whole"].commands).max() > 0
     (of_cut,), (of_whole,) = runs["cut"].judge.kinds, runs["whole"].judge.kinds
-    np.testing.assert_array_equal(
-        of_cut.lines_m, of_whole.lines_m
-    )  # where its thresholds stand does not change
+    # Where its thresholds stand does not change.
+    np.testing.assert_array_equal(of_cut.lines_m, of_whole.lines_m)

@@ -71,9 +71,8 @@ def test_a_leak_takes_the_angle_back():
     assert (check.found, check.met) == ("21.24 deg", True)
     longer = make_sheet(force_n=20.0, duration_s=0.25, leak=0.05).checks[2]
     assert not longer.met
-    assert longer.found.endswith(
-        "the limit comes after 140 ms"
-    )  # 14 of 2.069 degrees make 21.2, 15 make 22.2
+    # 14 of 2.069 degrees make 21.2, 15 make 22.2.
+    assert longer.found.endswith("the limit comes after 140 ms")
 
 
 def test_a_joint_that_is_too_slow():

@@ -10,7 +10,7 @@ import pytest
 
 from circuitkit.biped.gait.lipm import natural_frequency
 from circuitkit.biped.robot import biped_of
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView
 from circuitkit.paper.push_bounds import PushKind, dcm_bounds_around
 from circuitkit.paper.reproduce.forces import bounds
 from circuitkit.paper.runs import push_moment, record, without_pushes
@@ -69,9 +69,8 @@ def test_bounds_follow_the_duration_as_the_closed_form_says(plan: Plan):
         impulse_like = [
             force * -math.expm1(-omega * d) for force, d in zip(forces, (0.1, 0.2, 0.4), strict=True)
         ]
-        assert impulse_like == pytest.approx(
-            [impulse_like[0]] * 3, rel=0.02
-        )  # the height is not quite 0.27 m
+        # The height is not quite 0.27 m.
+        assert impulse_like == pytest.approx([impulse_like[0]] * 3, rel=0.02)
         assert forces == sorted(forces, reverse=True)
 
 

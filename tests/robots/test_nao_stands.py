@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from seeds import changed, measured
 
-from circuitkit.biped.view import BipedView
+from circuitkit.biped.sensing import BipedView
 from circuitkit.simulation import RunSpec, load_scenario, make_plan, simulate
 from circuitkit.simulation.loop import run_loop
 from circuitkit.simulation.scenario import parse_push, with_push

@@ -10,7 +10,7 @@ import pytest
 
 from circuitkit.base.errors import InputError
 from circuitkit.base.source import find_data_file, read_yaml, shipped_names
-from circuitkit.biped.gait.spec import FOLDER as GAIT_FOLDER
+from circuitkit.biped.gait.schedule import FOLDER as GAIT_FOLDER
 from circuitkit.control import load_controller
 from circuitkit.simulation import load_scenario
 from circuitkit.study import Case, CaseBuilder, Study, load_study, make_study

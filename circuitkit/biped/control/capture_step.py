@@ -15,7 +15,6 @@ from circuitkit.base.errors import InputError, Problem, listing
 from circuitkit.base.source import find_data_file
 from circuitkit.base.source.fields import Metres, Ratio, Seconds
 from circuitkit.base.units import parse_unit
-from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.control.reference import WalkReference, gait_knowledge
 from circuitkit.biped.control.sensed_com import CommandAxis, SensedCom
 from circuitkit.biped.gait import LEFT, RIGHT
@@ -199,7 +198,7 @@ class CaptureStep:
         step_s, body = reference.step_s, reference.body
         circuits = spec.circuits()
         leaning = {name: unit for name, unit in body.commands.items() if name not in _LEGS}
-        known = Interface(body.observations, leaning, step_s, planned_channels(reference))
+        known = Interface(body.observations, leaning, step_s, reference.planned_channels())
         self._ankles = CircuitController(circuits["ankle_circuit"]).bind(known)
         deciding = Interface(HAND_OVER_INPUTS, HAND_OVER_OUTPUTS, step_s)
         self._decision = CircuitController(circuits["hand_over"]).bind(deciding)

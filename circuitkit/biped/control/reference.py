@@ -7,17 +7,18 @@ stand at first, in metres. Axis 0 is forward, axis 1 sideways; feet are in the o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.base.units import Unit
+from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.gait import LEFT, LEG_JOINTS, LegGeometry, Walk
-from circuitkit.biped.gait.legs import support_leg_length
-from circuitkit.biped.gait.lipm import com_from_zmp, natural_frequency
+from circuitkit.biped.gait.lipm import com_from_zmp, dcm, natural_frequency
+from circuitkit.biped.gait.pattern import support_leg_length
 from circuitkit.biped.gait.schedule import EXTEND, LIFT, Schedule, plan_steps
+from circuitkit.control import PlannedChannel
 
 Array = NDArray[np.float64]
 
@@ -44,8 +45,8 @@ class Body:
     soles_m: Array
     stiffness: Array
     lag_s: Array
-    observations: Mapping[str, Unit] = field(default_factory=dict)
-    commands: Mapping[str, Unit] = field(default_factory=dict)
+    observations: Mapping[str, Unit]
+    commands: Mapping[str, Unit]
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class WalkReference:
     @property
     def dcm_m(self) -> Array:
         """Xi = y + y' / omega; shape (R, 2)."""
-        return self.com_m + self.com_velocity / self.omega
+        return dcm(self.com_m, self.com_velocity, self.com_height_m)
 
     @property
     def feet_apart_m(self) -> Array:
@@ -165,6 +166,23 @@ class WalkReference:
         angles: Array = self.walk.joints_rad[:, [LEG_JOINTS.index(name) for name in names]]
         return angles
 
+    def planned_channels(self) -> dict[str, PlannedChannel]:
+        """`planned_com_*` and `planned_com_velocity_*`, the CoM of the plan's point mass (eq. 2).
+
+        In the frame of the sensed channels `com_*`, the middle between the ankles, so that the difference of
+        the two is how far the robot is from its plan. With the velocities over omega = sqrt(g / z_CoM) added
+        it is the error of the DCM (capture point).
+        """
+        ticks = self.walk.ticks
+        com = self.com_m - self.sensed_com_offset_m
+        found = {}
+        for axis, letter in enumerate("xy"):
+            found[f"planned_com_{letter}"] = PlannedChannel(parse_unit("m"), com[:ticks, axis])
+            found[f"planned_com_velocity_{letter}"] = PlannedChannel(
+                parse_unit("m/s"), self.com_velocity[:ticks, axis]
+            )
+        return found
+
     def delayed_rows(self, delay_s: float) -> NDArray[np.int64]:
         """For each row, the row that was `delay_s` earlier, and the first one before there was any; (R,)."""
         rows: NDArray[np.int64] = np.maximum(np.arange(len(self.com_m)) - round(delay_s / self.step_s), 0)
@@ -180,10 +198,9 @@ def walk_reference(walk: Walk, body: Body) -> WalkReference:
     """
     gait, dt = walk.gait, walk.gait.control_step
     rows = walk.ticks + round(AHEAD_S / dt)
-    steps = max(rows - round(gait.stand / dt), 0) // gait.step_ticks + 1 + _TAIL_STEPS
-    longer = plan_steps(gait, steps)
+    longer = plan_steps(gait, gait.steps_within(rows) + _TAIL_STEPS)
     com = com_from_zmp(longer.zmp_m, gait.com_height, dt)
-    schedule = Schedule(**{name: getattr(longer, name)[:rows] for name in Schedule.__dataclass_fields__})
+    schedule = longer.rows(slice(rows))
     omega = natural_frequency(gait.com_height)
     sideways = np.array([1.0, -1.0]) * body.legs.hip_offset_y_m
     ankles = np.stack([schedule.feet_x_m, np.broadcast_to(sideways, (rows, 2))], axis=-1)

@@ -1,9 +1,7 @@
 """The walk: the paper's three movements (eqs. 3-10), the ZMP and the linear inverted pendulum."""
 
-from circuitkit.biped.gait.legs import LegGeometry
-from circuitkit.biped.gait.pattern import LEG_JOINTS, SIDES, Walk, plan_walk
-from circuitkit.biped.gait.schedule import LEFT, PHASES, RIGHT, Schedule
-from circuitkit.biped.gait.spec import GaitSpec, load_gait
+from circuitkit.biped.gait.pattern import LEG_JOINTS, SIDES, LegGeometry, Walk, plan_walk
+from circuitkit.biped.gait.schedule import LEFT, PHASES, RIGHT, GaitSpec, Schedule, load_gait
 
 __all__ = [
     "LEFT",

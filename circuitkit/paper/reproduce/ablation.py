@@ -13,12 +13,20 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.silencing import ARROW, connections
 from circuitkit.draw.style import EXCITATORY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
-from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio, seeds_in_words
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain
-from circuitkit.study import Case, CaseBuilder, Study, load_study
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+)
+from circuitkit.paper.reproduce.forces import Ratio, forces_by, paired_ratio
+from circuitkit.study import Case, CaseBuilder, Study
 
 STUDY = "ablation"
 WHOLE, NONE = "nothing", "everything"
@@ -47,8 +55,7 @@ class Ablation(ReportFigure):
 
     def run(self, job: Job) -> Finding:
         """Silence each neuron and each connection in turn, search the largest survived forces, draw them."""
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         cases = CaseBuilder(study)
         found: dict[str, Ratios] = {}
         parts: dict[str, tuple[Lesions, Lesions]] = {}
@@ -74,7 +81,7 @@ class Ablation(ReportFigure):
             that the robot does better without it, against these pushes. Intervals (95 %) are a bootstrap over
             the seeds; over so few they are rather too narrow. The search of a seed takes the first
             boundary that bisection finds; whether weaker pushes leave gaps below is not looked for."""),
-            seeds=seeds_in_words(study),
+            seeds=seeds_in_words(study.seeds),
             studies=self.studies,
             data={
                 name: {each: vars(ratio) for each, ratio in ratios.items()} for name, ratios in found.items()

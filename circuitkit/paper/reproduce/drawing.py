@@ -12,9 +12,6 @@ from matplotlib.figure import Figure
 from circuitkit.draw.style import EXCITATORY, GATE, GREY, INHIBITORY, INK, save_figure
 
 WIDTH_IN = 7.2
-PUSHED = "#c8201a"  # from the push on, as in the paper
-CYCLE = "#a6a6a6"
-BAND, PUSH_FILL = "#dcdcdc", "#f6c945"
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from circuitkit.biped.view import support_edges_m
+from circuitkit.biped.plots import BAND, MM, PUSH_FILL, PUSHED
+from circuitkit.biped.sensing import support_edges_m
 from circuitkit.draw.style import EXCITATORY, INK, SMALL, house_style, new_figure, tidy
-from circuitkit.paper.reproduce.drawing import BAND, PUSH_FILL, PUSHED, WIDTH_IN, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import median_range, one_line
+from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    median_range,
+    one_line,
+    seeds_in_words,
+)
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,
@@ -32,7 +40,6 @@ from circuitkit.paper.reproduce.pushed_walk import (
 Array = NDArray[np.float64]
 
 PAPER_S = 0.084
-_MM = 1e3
 _WINDOW_S = (-1.4, 3.0)  # around the beginning of the push
 _CLOSE_S = (-0.1, 0.7)
 _CONTROL_STEP_S = 0.01
@@ -63,7 +70,7 @@ class Fig10(ReportFigure):
             pictures=(_draw(job, walk),),
             tables=(_table(measured),),
             text=_TEXT,
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}; the picture is of seed {seeds[0]}",
+            seeds=f"{seeds_in_words(seeds)}; the picture is of seed {seeds[0]}",
             data={
                 name: [vars(each) for each in found]
                 for name, found in zip(("by_cells", "by_pressure"), measured.values(), strict=True)
@@ -153,7 +160,7 @@ def _draw(job: Job, walk: PushedWalk) -> Picture:
 
 def _zmp(axes: Axes, walk: PushedWalk, window: tuple[float, float]) -> None:
     time, support = walk.recording.time_s, walk.view.support[:, 0]
-    edges = support_edges_m(walk.view.block) * _MM
+    edges = support_edges_m(walk.view.block) * MM
     seen = np.arange(len(time)) < walk.end_tick(0)
     start, end = walk.push_s(0)
     tidy(axes, grid=False)
@@ -164,12 +171,12 @@ def _zmp(axes: Axes, walk: PushedWalk, window: tuple[float, float]) -> None:
     axes.axvspan(start, end, zorder=0.6, label=label, **push)
     polygon: Any = {"step": "pre", "color": BAND, "linewidth": 0, "zorder": 0.2, "label": "support polygon"}
     axes.fill_between(time, edges[support, 0], edges[support, 1], where=seen, **polygon)
-    lines = thresholds_for_cells_m(walk)[:, 0] * _MM
+    lines = thresholds_for_cells_m(walk)[:, 0] * MM
     lines[np.any(np.diff(lines, axis=0, prepend=lines[:1]) != 0, axis=1)] = np.nan
     for side, entry in enumerate(("threshold of the BiNN", None)):
         axes.plot(time, lines[:, side], color=INK, linewidth=0.9, linestyle=(0, (5, 2)), label=entry)
-    zmp = zmp_as_read_m(walk)[:, 0] * _MM
-    pressure = walk.view.centre_of_pressure_m[:, 0, 1] * _MM
+    zmp = zmp_as_read_m(walk)[:, 0] * MM
+    pressure = walk.view.centre_of_pressure_m[:, 0, 1] * MM
     before, after = time <= start + walk.step_s, (time >= start) & seen
     for kept, curve, style in (
         (seen, pressure, (EXCITATORY, 0.9, ":", _BY_PRESSURE)),

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.draw import draw_circuit
@@ -20,14 +24,14 @@ from circuitkit.draw.style import (
     house_style,
     new_figure,
     plain_legend,
-    save_figure,
     tidy,
 )
-from circuitkit.paper.reproduce.answers import Answers, settled_answers
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Verdict, all_hold
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line
+from circuitkit.engine import compile_circuit, run
+from circuitkit.paper.reproduce.drawing import save
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, all_hold, one_line
+
+Array = NDArray[np.float64]
 
 CIRCUIT = "binn_lateral"
 # Section 4.2 in pairs: who acts on whom. Sensorial inputs are left out.
@@ -54,6 +58,9 @@ EDGES = {"left foot": "q3 q4", "both feet": "q1 q4", "right foot": "q1 q2"}
 _ZMP_M = np.linspace(-0.12, 0.12, 481)
 _WIDTH, _HEIGHT, _LEFT, _BETWEEN, _TOP, _BOTTOM = 2.0, 1.7, 0.6, 0.2, 0.32, 0.75  # [in]
 _ON = 0.5
+LOADS: Mapping[str, float] = {"left foot": 1.0, "both feet": 0.0, "right foot": -1.0}
+FORCES, ZMP = "force_difference", "zmp_y"
+_SETTLED = 60  # steps, after which a network without memory but its loop of p and h changes no more
 
 
 class Fig5(ReportFigure):
@@ -70,7 +77,6 @@ class Fig5(ReportFigure):
         answers = settled_answers(graph, _ZMP_M)
         for suffix in ("png", "pdf"):
             draw_circuit(graph, job.folder / f"fig5.{suffix}")
-            save_figure(_answers_figure(graph, answers), job.folder / f"fig5_answers.{suffix}")
         pictures = (
             Picture(
                 "fig5.png",
@@ -79,7 +85,7 @@ class Fig5(ReportFigure):
                 "Graph of 11 neurons from two inputs on the left to the correction of the ankle on the right",
             ),
             Picture(
-                "fig5_answers.png",
+                save(_answers_figure(graph, answers), job.folder, "fig5_answers"),
                 "What the network answers when the ZMP stands still, for each way of standing. Vertical "
                 "lines: the edges of the support polygon.",
                 "Three panels, one for each way of standing, with the outputs of p1 and p2 over the ZMP",
@@ -132,7 +138,7 @@ def _claims(graph: CircuitGraph, answers: Answers) -> tuple[Claim, ...]:
             "1",
             f"{sum(abs(w) == 1.0 for *_, w in inner)} of {len(inner)}",
             how,
-            Verdict.HOLDS if unit else Verdict.FAILS,
+            all_hold(unit),
             source="section 4.2",
         ),
         Claim(
@@ -148,7 +154,7 @@ def _claims(graph: CircuitGraph, answers: Answers) -> tuple[Claim, ...]:
             "one",
             f"the less active one sends at most {both:.2g}",
             f"inputs held, {len(answers.zmp_m)} places of the ZMP, three ways of standing",
-            Verdict.HOLDS if both < _ON else Verdict.FAILS,
+            all_hold(both < _ON),
             source="section 4.2",
         ),
     )
@@ -194,8 +200,8 @@ def _answers_figure(graph: CircuitGraph, answers: Answers) -> Figure:
             for k, (name, text) in enumerate(
                 (("p1", "Out1 (p1): too far right"), ("p2", "Out2 (p2): too far left"))
             ):
-                style = {"color": CYCLE[k], "linestyle": DASHES[k]}
-                axes.plot(1e3 * answers.zmp_m, answers.of(name, way), linewidth=1.6, label=text, **style)  # type: ignore[arg-type]
+                style: Any = {"color": CYCLE[k], "linestyle": DASHES[k], "linewidth": 1.6}
+                axes.plot(1e3 * answers.zmp_m, answers.of(name, way), label=text, **style)
             axes.set_title(
                 f"on the {way}" if "both" not in way else f"on {way}", loc="left", fontsize=SMALL + 1
             )
@@ -210,9 +216,9 @@ def _answers_figure(graph: CircuitGraph, answers: Answers) -> Figure:
     return figure
 
 
-def _first(label: str, axes: object) -> str:
+def _first(label: str, axes: Axes) -> str:
     """Return the label the first time in these axes, then none."""
-    return "" if label in axes.get_legend_handles_labels()[1] else label  # type: ignore[attr-defined]
+    return "" if label in axes.get_legend_handles_labels()[1] else label
 
 
 def _data(graph: CircuitGraph, answers: Answers) -> dict[str, object]:
@@ -224,3 +230,40 @@ def _data(graph: CircuitGraph, answers: Answers) -> dict[str, object]:
         "out1": {way: answers.of("p1", way) for way in answers.outputs},
         "out2": {way: answers.of("p2", way) for way in answers.outputs},
     }
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Outputs of all neurons.
+
+    Attributes:
+        zmp_m: The ZMP; shape (k,).
+        names: Of the neurons.
+        outputs: What each neuron sends at last, by way of standing; shape (k, n), between 0 and 1.
+    """
+
+    zmp_m: Array
+    names: tuple[str, ...]
+    outputs: Mapping[str, Array]
+
+    def of(self, neuron: str, standing: str) -> Array:
+        """Outputs of one neuron; shape (k,)."""
+        return np.asarray(self.outputs[standing][:, self.names.index(neuron)])
+
+
+def settled_answers(graph: CircuitGraph, zmp_m: Array) -> Answers:
+    """Hold the inputs until the network has settled.
+
+    Args:
+        graph: A network with the inputs `force_difference` and `zmp_y`.
+        zmp_m: Places of the ZMP; shape (k,).
+    """
+    program = compile_circuit(graph)
+    columns = [list(program.input_names).index(name) for name in (FORCES, ZMP)]
+    outputs = {}
+    for standing, load in LOADS.items():
+        inputs = np.zeros((_SETTLED, len(zmp_m), len(program.input_names)))
+        inputs[..., columns[0]] = load
+        inputs[..., columns[1]] = zmp_m
+        outputs[standing] = run(program, inputs).output[-1]
+    return Answers(zmp_m, tuple(program.neuron_names), outputs)

@@ -21,13 +21,11 @@ from circuitkit.draw.style import (
     house_style,
     new_figure,
     plain_legend,
-    save_figure,
     tidy,
 )
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, all_hold
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line
+from circuitkit.paper.reproduce.drawing import save
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, all_hold, one_line
 
 CIRCUIT = "binn_lateral"
 _SLOPES, _SHIFTS = (5.0, 10.0, 50.0), (0.25, 0.5, 0.75)  # around those of p: 10 and 0.5
@@ -51,7 +49,6 @@ class Fig6(ReportFigure):
         neurons = {neuron.name: neuron for neuron in graph.neurons}
         for suffix in ("png", "pdf"):
             draw_activations(graph, job.folder / f"fig6.{suffix}")
-            save_figure(_parameters_figure(neurons["p1"]), job.folder / f"fig6_parameters.{suffix}")
         pictures = (
             Picture(
                 "fig6.png",
@@ -60,7 +57,7 @@ class Fig6(ReportFigure):
                 "Output over activation for the four layers of neurons",
             ),
             Picture(
-                "fig6_parameters.png",
+                save(_parameters_figure(neurons["p1"]), job.folder, "fig6_parameters"),
                 "Eq. 12 with other slopes m (left) and other shifts s (right), around those of p1.",
                 "Sigmoids with three slopes and with three shifts",
             ),

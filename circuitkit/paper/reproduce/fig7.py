@@ -39,14 +39,23 @@ from circuitkit.paper.design_sheet import (
 )
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce.drawing import WIDTH_IN, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, agrees, all_hold
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    agrees,
+    all_hold,
+    one_line,
+    plain,
+    seeds_in_words,
+)
 from circuitkit.paper.reproduce.forces import bounds
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import one_line, plain
 from circuitkit.paper.runs import plan_of
 from circuitkit.simulation import Plan
-from circuitkit.study import Results, Study, load_study
+from circuitkit.study import Results, Study
 
 STUDY = "fig7"
 _QUICK: Mapping[str, Any] = {
@@ -112,8 +121,7 @@ class Fig7(ReportFigure):
     def run(self, job: Job) -> Finding:
         """Draw eq. 21 as the paper does, and who survived over the same plane."""
         sheet = make_sheet(force_n=PUSH_N, duration_s=PUSH_S, gamma=PAPER_GAMMA, step_s=PAPER_STEP_S)
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         plan = plan_of(study)
         planes = measure(job, study, plan)
         nao = body_of(plan.robot, plan.body.motion.knowledge.walk.gait)
@@ -141,7 +149,7 @@ class Fig7(ReportFigure):
             pictures=pictures,
             tables=(_table(planes),),
             text=one_line(_TEXT),
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}",
+            seeds=seeds_in_words(seeds),
             studies=self.studies,
             data=_data(sheet, planes, nao),
         )

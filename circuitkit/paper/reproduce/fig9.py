@@ -9,12 +9,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from circuitkit.biped.plots import CYCLE_GREY, MM, PUSH_FILL, PUSHED
 from circuitkit.draw.style import INK, NORMAL, house_style, new_figure, tidy
-from circuitkit.paper.reproduce.drawing import CYCLE, PUSH_FILL, PUSHED, WIDTH_IN, label_of, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, median_range, one_line
+from circuitkit.paper.reproduce.drawing import WIDTH_IN, label_of, save
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    count,
+    median_range,
+    one_line,
+    reaches,
+    seeds_in_words,
+)
 from circuitkit.paper.reproduce.pushed_walk import (
     QUICK_SEEDS,
     SEEDS,
@@ -27,7 +36,6 @@ from circuitkit.study import Share, load_study
 Array = NDArray[np.float64]
 
 STUDY = "fig9"
-_MM = 1e3
 _BEFORE_S = 2.2  # two double steps of the limit cycle are drawn
 _FELL_IN_PAPER = ("open_loop", "mpc")
 
@@ -63,7 +71,7 @@ class Fig9(ReportFigure):
             pictures=(picture,),
             tables=(_table(shares),),
             text=text,
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}; the picture is of seed {seeds[0]}",
+            seeds=f"{seeds_in_words(seeds)}; the picture is of seed {seeds[0]}",
             studies=self.studies,
             data={
                 "stood": {name: share.survived for name, share in shares.items()},
@@ -84,7 +92,7 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
             "falls",
             f"falls in {count(fell['open_loop'], shares['open_loop'].runs)} runs",
             push,
-            _all_or_some(fell["open_loop"], shares["open_loop"].runs),
+            reaches(fell["open_loop"], shares["open_loop"].runs, 0),
             source=source,
         ),
         Claim(
@@ -92,7 +100,7 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
             "falls",
             f"falls in {count(fell['mpc'], shares['mpc'].runs)} runs",
             f"{push}; controller mpc: Wieber's, fed back joint angles",
-            _all_or_some(fell["mpc"], shares["mpc"].runs),
+            reaches(fell["mpc"], shares["mpc"].runs, 0),
             source=source,
         ),
         Claim(
@@ -100,7 +108,7 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
             "stands",
             f"stands in {count(shares['binn_tuned'].survived, shares['binn_tuned'].runs)} runs",
             f"{push}; circuit binn_lateral_tuned",
-            _stands(shares["binn_tuned"]),
+            reaches(shares["binn_tuned"].survived, shares["binn_tuned"].runs, 0),
             source=source,
         ),
         Claim(
@@ -108,7 +116,7 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
             "stands",
             f"stands in {count(shares['binn'].survived, shares['binn'].runs)} runs",
             f"{push}; circuit binn_lateral, all numbers as the paper reads",
-            _stands(shares["binn"]),
+            reaches(shares["binn"].survived, shares["binn"].runs, 0),
             why=one_line("""
             Eq. 21 takes the ankle's angle for a shift of the CoM. Here the foot's edge limits the torque
             and decides the sign of the correction, and an angle that adds up in each step needs a smaller
@@ -120,18 +128,10 @@ def _claims(shares: Mapping[str, Share], returned: Sequence[float | None]) -> tu
             "returns",
             f"returns in {count(back, len(returned))} runs, after {median_range(returned, 's')}",
             "CoM (y, velocity/ω) stays within 5 mm of its mean cycle before; circuit binn_lateral_tuned",
-            _all_or_some(back, len(returned)),
+            reaches(back, len(returned), 0),
             source="Fig. 9",
         ),
     )
-
-
-def _all_or_some(number: int, runs: int) -> Verdict:
-    return Verdict.HOLDS if number == runs else Verdict.PARTLY if number else Verdict.FAILS
-
-
-def _stands(share: Share) -> Verdict:
-    return _all_or_some(share.survived, share.runs)
 
 
 def _table(shares: Mapping[str, Share]) -> Table:
@@ -174,12 +174,12 @@ def _draw(job: Job, held: PushedWalk, fallen: PushedWalk) -> Picture:
 def _phase(axes: Axes, walk: PushedWalk, title: str) -> None:
     start, end = walk.push_s(0)
     time = walk.recording.time_s
-    y, v = walk.view.com_m[:, 0, 1] * _MM, walk.view.com_velocity[:, 0, 1] * _MM
+    y, v = walk.view.com_m[:, 0, 1] * MM, walk.view.com_velocity[:, 0, 1] * MM
     before = (time > start - _BEFORE_S) & (time <= start)
     after = (time >= start) & (np.arange(len(time)) < walk.end_tick(0))
     axes.set_title(title, fontsize=NORMAL)
     tidy(axes)
-    axes.plot(y[before], v[before], color=CYCLE, linewidth=2.6, label="before the push")
+    axes.plot(y[before], v[before], color=CYCLE_GREY, linewidth=2.6, label="before the push")
     axes.plot(y[after], v[after], color=PUSHED, linewidth=1.0, label="from the push on")
     marks: Any = {
         "color": PUSH_FILL,
@@ -214,6 +214,6 @@ def _limits(walk: PushedWalk) -> tuple[tuple[float, float], tuple[float, float]]
     seen = walk.recording.time_s > start - _BEFORE_S
     found = []
     for values in (walk.view.com_m, walk.view.com_velocity):
-        low, high = (float(end(values[seen, 0, 1])) * _MM for end in (np.min, np.max))
+        low, high = (float(end(values[seen, 0, 1])) * MM for end in (np.min, np.max))
         found.append((low - 0.12 * (high - low), high + 0.12 * (high - low)))
     return found[0], found[1]

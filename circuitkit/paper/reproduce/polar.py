@@ -25,13 +25,24 @@ from circuitkit.draw.style import (
 )
 from circuitkit.paper.push_bounds import BoundsAround, dcm_bounds_around
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, LineStyle, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    all_hold,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+    signed_percent,
+)
 from circuitkit.paper.reproduce.forces import DIRECTION, DURATION, Forces, bounds, by_contender
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
 from circuitkit.paper.runs import plan_of
-from circuitkit.study import Study, load_study
+from circuitkit.study import Study
 
 Array = NDArray[np.float64]
 
@@ -122,7 +133,7 @@ class Polar(ReportFigure):
                 _line_table(sides, "Largest force survived in all runs, to the side [N]"),
             ),
             text=_text(around, study),
-            seeds=f"seeds {study.seeds[0]} to {study.seeds[-1]}",
+            seeds=seeds_in_words(study.seeds),
             studies=self.studies,
             data={
                 "direction_deg": np.degrees(around.angles_rad).round(9),
@@ -137,10 +148,8 @@ class Polar(ReportFigure):
 def _study(
     job: Job, name: str, quick_axes: Mapping[str, Any], axes: Mapping[str, Any] | None = None
 ) -> Study:
-    study = load_study(name)
-    if job.quick:
-        return study.with_({**_QUICK, "axes": quick_axes})
-    return study.with_({"axes": axes}) if axes else study
+    study = job.study(name, {**_QUICK, "axes": quick_axes})
+    return study.with_({"axes": axes}) if axes and not job.quick else study
 
 
 def measure(job: Job, study: Study) -> Around:
@@ -211,7 +220,7 @@ def _gain(claim: str, contender: str, around: Around, how: str) -> Claim:
     ours = f"{signed_percent(ratio)} over open loop; {around.of_bound(contender) * 100:.0f} % of the bound"
     ours += f"; less than the open loop in {count(worse, directions)} directions" if worse else ""
     text = f"{contender}; {how} {directions} directions, {around.duration_s:g} s; fails if one is worse"
-    verdict = Verdict.HOLDS if ratio > 1 and not worse else Verdict.FAILS
+    verdict = all_hold(ratio > 1 and not worse)
     return Claim(claim, "planned", ours, text, verdict, source=_BEYOND)
 
 

@@ -10,14 +10,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.biped.anatomy import BipedSpec
 from circuitkit.biped.gait.lipm import natural_frequency
-from circuitkit.biped.robot import BipedBlock
+from circuitkit.biped.sensing import SETTLED_S, BipedView, support_edges_m
 from circuitkit.biped.thresholds import ThresholdMeasure
-from circuitkit.biped.view import BipedView, support_edges_m
-from circuitkit.paper.runs import push_moment
+from circuitkit.paper.runs import push_moment, record
 from circuitkit.simulation import Recording, RunSpec, Scenario, load_scenario, make_plan
 from circuitkit.simulation.disturbances.jitter import Jitter
-from circuitkit.simulation.loop import run_loop
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -26,7 +25,6 @@ SCENARIO = "nao_push"
 SEEDS, QUICK_SEEDS = range(20), range(5)
 NEAR_M = 0.005  # to its limit cycle
 WATCHED_S = 6.0  # after the end of the push
-_SETTLED_S = 2.0  # until then a walk that begins from standing is not on its limit cycle
 
 
 @dataclass(frozen=True)
@@ -90,7 +88,7 @@ def record_pushed_walk(controller: str, seeds: Sequence[int]) -> PushedWalk:
     )
     plan = make_plan(shorter)
     specs = [RunSpec(seed, scenario.befalling) for seed in seeds]
-    recording = run_loop(plan.setup(plan.controller(controller), specs))
+    recording = record(plan, controller, specs)
     return PushedWalk(shorter, recording, np.array([bool(each["survived"]) for each in recording.measures]))
 
 
@@ -148,7 +146,7 @@ def thresholds_for_pressure_m(walk: PushedWalk) -> Array:
     return np.asarray(moved[walk.view.support])
 
 
-def cell_edges_m(block: BipedBlock) -> Array:
+def cell_edges_m(block: BipedSpec) -> Array:
     """Find the edges of the force cells' hull, as `support_edges_m` does for the soles; shape (3, 2)."""
     offset = block.legs.hip_offset_y
     left = [offset + place[1] for place in block.feet.left.cells.values()]
@@ -200,7 +198,7 @@ def _return_s(walk: PushedWalk, points: Array, robot: int) -> float | None:
         return None
     cycle_ticks = 2 * walk.pace_ticks
     begin = round(walk.push_s(robot)[0] / walk.step_s)
-    cycles = (begin - round(_SETTLED_S / walk.step_s)) // cycle_ticks
+    cycles = (begin - round(SETTLED_S / walk.step_s)) // cycle_ticks
     before = points[begin - cycles * cycle_ticks : begin]
     cycle = before.reshape(cycles, cycle_ticks, 2).mean(axis=0)
     away = np.flatnonzero(_distances(points[begin:], cycle) > NEAR_M)

@@ -10,13 +10,19 @@ from matplotlib.axes import Axes
 
 from circuitkit.draw.style import GREY, INK, NORMAL, SMALL, house_style, new_figure, tidy
 from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, label_of, save
-from circuitkit.paper.reproduce.each_seed import Ratio, forces_by, paired_ratio, seeds_in_words
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, reaches
-from circuitkit.paper.reproduce.forces import circuits_of
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain
-from circuitkit.study import load_study
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+)
+from circuitkit.paper.reproduce.forces import Ratio, circuits_of, forces_by, paired_ratio
 
 STUDY = "robustness"
 NOMINAL, BASELINE = "nominal", "open_loop"
@@ -40,8 +46,7 @@ class Robustness(ReportFigure):
 
     def run(self, job: Job) -> Finding:
         """Search the largest survived forces in every condition, with and without circuits; draw ratios."""
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         forces = forces_by(job.sweep(study, apart="contender").limits(), "condition", "contender")
         circuits = circuits_of(study)
         conditions = tuple(dict.fromkeys(condition for condition, _ in forces))
@@ -70,7 +75,7 @@ class Robustness(ReportFigure):
             {_MISSED * len(conditions):.1f} to miss the true ratio by chance, so a single condition that is
             just sure, or just not, says little. The search of a seed takes the first boundary that bisection
             finds; whether weaker pushes leave gaps below is not looked for."""),
-            seeds=seeds_in_words(study),
+            seeds=seeds_in_words(study.seeds),
             studies=self.studies,
             data={name: {each: vars(ratio) for each, ratio in own.items()} for name, own in ratios.items()},
         )

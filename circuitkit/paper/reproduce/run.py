@@ -7,6 +7,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,8 @@ import circuitkit
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import write_text
 from circuitkit.base.source import data_folder
-from circuitkit.paper.reproduce.figure import FIGURES, Effort, select
+from circuitkit.paper.reproduce.figure import FIGURES, Effort, Job, select
 from circuitkit.paper.reproduce.finding import FINDING_FILE, Finding
-from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.report import Entry, as_html, as_markdown
 
 REPORT = "report"
@@ -157,25 +157,19 @@ class Clock:
             return f"about {max(self.seconds, 1.0):.0f} s left"
         return f"about {self.seconds / _MINUTE_S:.0f} min left"
 
-    def measures(self, name: str) -> _Stopwatch:
-        """Measure the block in which a figure is made."""
-        return _Stopwatch(self, name)
+    @contextmanager
+    def measures(self, name: str) -> Iterator[None]:
+        """Measure the block in which a figure is made, or fails."""
+        began = time.monotonic()
+        try:
+            yield
+        finally:
+            self.record(name, time.monotonic() - began)
 
     def record(self, name: str, took_s: float) -> None:
         """Note that a figure was made in so many seconds."""
         self._expected_s += self._left_s.pop(name)
         self._measured_s += took_s
-
-
-class _Stopwatch:
-    def __init__(self, clock: Clock, name: str) -> None:
-        self._clock, self._name = clock, name
-
-    def __enter__(self) -> None:
-        self._began = time.monotonic()
-
-    def __exit__(self, *_: object) -> None:
-        self._clock.record(self._name, time.monotonic() - self._began)
 
 
 def entries(folder: Path) -> Iterator[Entry]:

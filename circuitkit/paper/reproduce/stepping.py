@@ -8,18 +8,34 @@ from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
+from circuitkit.biped.plots import MM, PUSH_FILL
 from circuitkit.draw.style import EXCITATORY, GREY, INHIBITORY, INK, NORMAL, house_style, new_figure, tidy
 from circuitkit.paper.push_bounds import PushKind
-from circuitkit.paper.reproduce.drawing import PUSH_FILL, STYLES, WIDTH_IN, LineStyle, save
-from circuitkit.paper.reproduce.figure import Effort, ReportFigure
-from circuitkit.paper.reproduce.finding import Claim, Finding, Picture, Table, Verdict, reaches
+from circuitkit.paper.reproduce.drawing import STYLES, WIDTH_IN, LineStyle, save
+from circuitkit.paper.reproduce.figure import Effort, Job, ReportFigure
+from circuitkit.paper.reproduce.finding import (
+    Claim,
+    Finding,
+    Picture,
+    Table,
+    Verdict,
+    all_hold,
+    count,
+    one_line,
+    plain,
+    reaches,
+    seeds_in_words,
+    signed_percent,
+)
 from circuitkit.paper.reproduce.forces import Forces, listed, measure
-from circuitkit.paper.reproduce.job import Job
-from circuitkit.paper.reproduce.numbers import count, one_line, plain, signed_percent
 from circuitkit.paper.runs import plan_of, record
 from circuitkit.simulation import Recording
-from circuitkit.study import CaseBuilder, Study, load_study
+from circuitkit.study import CaseBuilder, Study
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 STUDY = "stepping"
 _QUICK: Mapping[str, Any] = {"seeds": {"count": 2}, "search": {"step": "3 N", "check_below": 0}}
@@ -33,7 +49,6 @@ _STYLES: Mapping[str, LineStyle] = {
 _DIRECTIONS = ("outward", "inward")
 _CALM_S, _QUICK_CALM_S = 60.0, 10.0
 _BEFORE_S, _AFTER_S = 0.4, 4.6
-_MM = 1e3
 _BEYOND = "section 5.2, outlook"
 
 
@@ -67,8 +82,7 @@ class Stepping(ReportFigure):
 
     def run(self, job: Job) -> Finding:
         """Search the largest forces, watch a walk without pushes, draw a run that only a step survives."""
-        study = load_study(STUDY)
-        study = study.with_(_QUICK) if job.quick else study
+        study = job.study(STUDY, _QUICK)
         forces = measure(job, study)
         calm = walk_calmly(study, _QUICK_CALM_S if job.quick else _CALM_S)
         shown = most_gained(forces)
@@ -80,8 +94,7 @@ class Stepping(ReportFigure):
             pictures=(_draw_forces(job, forces, len(seeds)), _draw_run(job, study, shown, forces)),
             tables=(_table(forces),),
             text=_text(study, calm),
-            seeds=f"seeds {seeds[0]} to {seeds[-1]}; "
-            f"what is drawn and the walk without pushes: seed {seeds[0]}",
+            seeds=f"{seeds_in_words(seeds)}; what is drawn and the walk without pushes: seed {seeds[0]}",
             studies=self.studies,
             data={
                 "largest_survived_n": listed(forces.survived),
@@ -123,9 +136,9 @@ def _settings(study: Study, contender: str) -> dict[str, Any]:
     return dict(next(cell.settings for cell in study.cells if cell.labels["contender"] == contender))
 
 
-def _traced(recording: Recording, name: str) -> Any:  # noqa: ANN401 - an array
+def _traced(recording: Recording, name: str) -> Array:
     """Take what the controller recorded of itself; shape (T,)."""
-    return recording.trace[:, 0, recording.trace_names.index(name)]
+    return np.asarray(recording.trace[:, 0, recording.trace_names.index(name)])
 
 
 def _claims(forces: Forces, calm: Calm, runs: int) -> tuple[Claim, ...]:
@@ -168,7 +181,7 @@ def _claims(forces: Forces, calm: Calm, runs: int) -> tuple[Claim, ...]:
             f"a step acts in {calm.stepping_ticks} of the ticks of {calm.duration_s:g} s; positions differ "
             f"by {plain(calm.apart_m)} m at most",
             "gait_march, controller stepping against its ankle circuit alone, same seed",
-            Verdict.HOLDS if calm.survived and calm.stepping_ticks == 0 else Verdict.FAILS,
+            all_hold(calm.survived and calm.stepping_ticks == 0),
             source="beyond the paper",
         ),
     )
@@ -181,7 +194,7 @@ def _text(study: Study, calm: Calm) -> str:
         it comes near the end of that, the circuit `hand_over` lets a step act as well: the leg on the side of
         the fall goes outward by the DCM's error at the end of the step, (ξ - ξ_planned) exp(ω t), as far as
         it reaches, and stretches; the times of the walk stay. Pushes and what counts as survived are those of
-        Fig. 11; forces lie on a grid of {step}. Undisturbed the DCM keeps {-calm.nearest_m * _MM:.0f} mm or
+        Fig. 11; forces lie on a grid of {step}. Undisturbed the DCM keeps {-calm.nearest_m * MM:.0f} mm or
         more away from the end of what the ankles can hold.""")
 
 
@@ -266,9 +279,9 @@ def _draw_run(job: Job, study: Study, kind: PushKind, forces: Forces) -> Picture
 _LEGEND: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.2}
 
 
-def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
-    series = {name: _traced(recording, name)[shown] * _MM for name in ("dcm_y", "left_limit", "right_limit")}
-    planned = series["dcm_y"] - _traced(recording, "dcm_error_y")[shown] * _MM
+def _dcm_panel(axes: Axes, time_s: Array, recording: Recording, shown: Flags) -> None:
+    series = {name: _traced(recording, name)[shown] * MM for name in ("dcm_y", "left_limit", "right_limit")}
+    planned = series["dcm_y"] - _traced(recording, "dcm_error_y")[shown] * MM
     axes.plot(time_s, series["dcm_y"], color=INK, linewidth=1.4, label="DCM")
     axes.plot(time_s, planned, color=GREY, linewidth=1.0, linestyle=":", label="as planned")
     for name, label in (("left_limit", "end of what the ankles can hold"), ("right_limit", None)):
@@ -277,7 +290,7 @@ def _dcm_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> Non
     axes.legend(ncols=3, **_LEGEND)
 
 
-def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
+def _acting_panel(axes: Axes, time_s: Array, recording: Recording, shown: Flags) -> None:
     """Draw bars where the circuit lets a step act."""
     rows = {"right": "step_share_right", "left": "step_share_left"}
     for height, name in enumerate(rows.values()):
@@ -289,7 +302,7 @@ def _acting_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> 
     axes.grid(visible=False, axis="y")
 
 
-def _legs_panel(axes: Axes, time_s: Any, recording: Recording, shown: Any) -> None:  # noqa: ANN401 - arrays
+def _legs_panel(axes: Axes, time_s: Array, recording: Recording, shown: Flags) -> None:
     degrees = np.degrees(recording.commands[shown, 0])
     names: Sequence[str] = recording.command_names
     styles = {

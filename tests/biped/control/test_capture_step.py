@@ -174,9 +174,8 @@ def test_the_swing_foot_goes_where_the_dcm_will_be(reference):
     delta = error * math.exp(reference.omega * left_s * reference.step_s)
     expected = max(delta, -0.12)
     assert math.sin(commands["right_foot_y"][0]) * leg_length_m(reference) == pytest.approx(expected)
-    assert fed.traced("step_y")[0] == pytest.approx(
-        delta, rel=0.02
-    )  # the plan's own DCM is not exactly eq. 2
+    # The plan's own DCM is not exactly eq. 2.
+    assert fed.traced("step_y")[0] == pytest.approx(delta, rel=0.02)
     assert commands["left_foot_y"] == commands["left_leg_lift"] == commands["right_leg_lift"] == 0.0
 
 
@@ -193,9 +192,8 @@ def test_the_leg_that_carries_pushes_off_on_its_own_side(reference):
     fed.until(130)
     commands = fed.step(0.2)
     assert math.sin(commands["left_foot_y"][0]) * leg_length_m(reference) == pytest.approx(0.5 * 0.05)
-    assert (
-        commands["right_foot_y"][0] == 0.0
-    )  # the other foot could only come inward: by reach_inward, here 0
+    # The other foot could only come inward: by reach_inward, here 0.
+    assert commands["right_foot_y"][0] == 0.0
 
 
 @pytest.fixture
@@ -215,9 +213,8 @@ def test_a_foot_keeps_its_place_while_it_carries_and_comes_back_in_its_next_swin
     fed = Fed(reference, hand_over=quick_to_let_go)
     fed.until(130)
     placed = fed.step(-0.2)["right_foot_y"]
-    stays = fed.until(209)[
-        "right_foot_y"
-    ]  # through the rest of this step, while no foot is in the air, as stance
+    # Through the rest of this step, while no foot is in the air, and as stance.
+    stays = fed.until(209)["right_foot_y"]
     schedule = reference.schedule
     swinging = (schedule.support == 0) & (schedule.single_support > 0) & (schedule.single_support < 1)
     rest_of_swing = np.count_nonzero(swinging[131:165])

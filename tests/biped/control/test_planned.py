@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from walking import known_of, plan_of
 
-from circuitkit.biped.control.planned import planned_channels
 from circuitkit.biped.gait.lipm import GRAVITY_M_S2
 from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit, step
@@ -21,7 +20,7 @@ def plan():
 
 def test_the_planned_com_has_the_planned_zmp(plan):
     reference, dt = known_of(plan), 0.01
-    channels = planned_channels(reference)
+    channels = reference.planned_channels()
     for axis, letter in enumerate("xy"):
         middle = reference.ankles_m[:TICKS, :, axis].mean(axis=1)
         com = channels[f"planned_com_{letter}"].values + middle
@@ -33,7 +32,7 @@ def test_the_planned_com_has_the_planned_zmp(plan):
 
 
 def test_a_circuit_reads_the_plan_of_its_own_tick(plan):
-    channels = planned_channels(known_of(plan))
+    channels = known_of(plan).planned_channels()
     program = compile_circuit(load_circuit("binn_lateral_capture"))
     controller = plan.controller("circuit")
     controller.reset(1)

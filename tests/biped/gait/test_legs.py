@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from circuitkit.base.errors import SimulationError
 from circuitkit.biped.gait import LegGeometry
-from circuitkit.biped.gait import legs as eq
+from circuitkit.biped.gait import pattern as eq
 
 LEGS = LegGeometry(
     thigh_m=0.1, tibia_m=0.1029, ankle_height_m=0.04519, hip_offset_y_m=0.05, hip_offset_z_m=0.085

@@ -10,8 +10,8 @@ import pytest
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.silencing import silence
 from circuitkit.paper.reproduce import ablation, robustness
-from circuitkit.paper.reproduce.each_seed import Ratio, paired_ratio
 from circuitkit.paper.reproduce.finding import Verdict
+from circuitkit.paper.reproduce.forces import Ratio, paired_ratio
 from circuitkit.study import load_study
 
 

@@ -6,8 +6,8 @@ import pytest
 from matplotlib.image import imread
 
 from circuitkit.paper.reproduce import ablation, fig9, fig10, fig11, pushed_walk, robustness
+from circuitkit.paper.reproduce.figure import Job
 from circuitkit.paper.reproduce.finding import Finding, Verdict
-from circuitkit.paper.reproduce.job import Job
 from circuitkit.study import CaseBuilder, load_study
 
 STEP_N = 16.0

@@ -11,14 +11,14 @@ from matplotlib.image import imread
 from circuitkit.circuit import load_circuit
 from circuitkit.circuit.silencing import silence
 from circuitkit.paper.reproduce import fig5, fig6, fig7, fig8, timing
-from circuitkit.paper.reproduce.answers import settled_answers
+from circuitkit.paper.reproduce.fig5 import settled_answers
 from circuitkit.paper.reproduce.fig7 import Plane
+from circuitkit.paper.reproduce.figure import Job
 from circuitkit.paper.reproduce.finding import Finding, Verdict
-from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.timing import Times, network_steps, time_in_the_loop, time_in_turns
 from circuitkit.simulation import load_scenario, make_plan
 from circuitkit.simulation.scenario import with_push
-from circuitkit.study import CaseBuilder
+from circuitkit.study import CaseBuilder, load_study
 
 
 def make(figure, folder):
@@ -142,7 +142,7 @@ def test_fig7_from_a_few_runs_to_the_pictures(tmp_path, monkeypatch):
 
 
 def test_every_cell_of_the_study_of_fig7_can_be_run():
-    study = fig7.load_study(fig7.STUDY)
+    study = load_study(fig7.STUDY)
     labels = {cell.labels["circuit.w"] for cell in study.cells}
     assert {-weight for weight in labels} == labels  # both signs alike
     circuit = CaseBuilder(study).of_cell(study.cells[0]).circuits.used

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from circuitkit.paper.push_bounds import PushKind
-from circuitkit.paper.reproduce.fig11_claims import claims_of
+from circuitkit.paper.reproduce.fig11 import claims_of
 from circuitkit.paper.reproduce.finding import Verdict
 from circuitkit.paper.reproduce.forces import Forces
 

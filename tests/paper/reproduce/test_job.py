@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from circuitkit.base.errors import InputError
-from circuitkit.paper.reproduce.job import Job
+from circuitkit.paper.reproduce.figure import Job
 from circuitkit.study import make_study
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from circuitkit.paper.reproduce.numbers import count, median_range, one_line, plain, signed_percent
+from circuitkit.paper.reproduce.finding import count, median_range, one_line, plain, signed_percent
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ from matplotlib.text import Text
 from circuitkit.draw.style import house_style
 from circuitkit.paper.push_bounds import BoundsAround, PushKind
 from circuitkit.paper.reproduce import polar
+from circuitkit.paper.reproduce.figure import Job
 from circuitkit.paper.reproduce.finding import Finding, Verdict
 from circuitkit.paper.reproduce.forces import Forces
-from circuitkit.paper.reproduce.job import Job
 from circuitkit.paper.reproduce.polar import OMNI, OPEN, PLANAR, Around
 from circuitkit.study import CaseBuilder, load_study
 

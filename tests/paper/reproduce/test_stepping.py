@@ -8,9 +8,9 @@ from circuitkit.base.source import find_data_file
 from circuitkit.control import load_controller
 from circuitkit.paper.push_bounds import PushKind
 from circuitkit.paper.reproduce import stepping
+from circuitkit.paper.reproduce.figure import Job
 from circuitkit.paper.reproduce.finding import Finding, Verdict
 from circuitkit.paper.reproduce.forces import Forces
-from circuitkit.paper.reproduce.job import Job
 from circuitkit.study import CaseBuilder, load_study
 
 CUT = {

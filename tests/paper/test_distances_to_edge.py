@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuitkit.biped.gait.support import distances_to_edge
+from circuitkit.paper.push_bounds import distances_to_edge
 
 SQUARE = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
 EIGHTHS = np.radians(np.arange(0, 360, 45))
