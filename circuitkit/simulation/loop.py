@@ -19,7 +19,7 @@ from circuitkit.simulation.reference import Motion
 from circuitkit.simulation.tracking import Tracker
 
 _LOOK_EVERY = 20  # ticks between two looks at who has ended
-_AFTER_END = 60  # ticks that are still recorded once all have ended, so that films show what came of it
+_AFTER_END_S = 0.6  # is still recorded once all have ended, so that films show what came of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,6 +252,7 @@ class _Watch:
     def __init__(self, setup: Setup, worlds: Worlds, tracker: Tracker, *, to_the_end: bool) -> None:
         self._worlds, self._tracker, self._to_the_end = worlds, tracker, to_the_end
         self._last = setup.ticks - 1
+        self._after = 0 if to_the_end else round(_AFTER_END_S / setup.step_s)
         self._readings = np.empty((_LOOK_EVERY, *worlds.readings.shape))
         self._commands = np.empty((_LOOK_EVERY, worlds.batch, len(setup.controller.commands)))
         self.still: NDArray[np.bool_] | None = None
@@ -276,8 +277,7 @@ class _Watch:
             self.still = self._tracker.ended
             self._worlds.stop(self.still)
         if self._tracker.ended.all():
-            after = 0 if self._to_the_end else _AFTER_END
-            self._last = min(self._last, int(self._tracker.seen_tick.max()) + after)
+            self._last = min(self._last, int(self._tracker.seen_tick.max()) + self._after)
 
 
 def _do(hooks: Sequence[Hook], tick: int, what: Any) -> None:  # noqa: ANN401 - worlds or an array
