@@ -22,7 +22,7 @@ from circuitkit.control import (
 )
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
 from circuitkit.robots.worlds import substeps_of
-from circuitkit.simulation.disturbance import RunSpec, draw_effects
+from circuitkit.simulation.disturbance import Disturbance, RunSpec, draw_effects
 from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
 from circuitkit.simulation.measures import Judge, located
@@ -182,7 +182,7 @@ class Plan:
             specs: One for each robot.
 
         Raises:
-            InputError: A disturbance names what is not there.
+            InputError: A disturbance names what is not there, or the robots differ in one that befalls all.
         """
         body = self.body
         with self.scenario.located("disturbances"):
@@ -190,8 +190,11 @@ class Plan:
                 specs, body.robot, self.reference, body.ticks, body.step_s,
                 controller.observations, controller.commands,
             )  # fmt: skip
+        plant = body.plant
+        if _changing(specs[0].disturbances) != _changing(self.scenario.befalling):
+            plant = _plant(self.scenario, body.robot, body.motion, specs[0].disturbances)
         return Setup(
-            robot=body.plant, motion=body.motion, controller=controller, circuit=self.circuits.used,
+            robot=plant, motion=body.motion, controller=controller, circuit=self.circuits.used,
             specs=tuple(specs), effects=effects, judge=self.judge, step_s=body.step_s, ticks=body.ticks,
         )  # fmt: skip
 
@@ -279,9 +282,8 @@ def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | 
         InputError: A file is wrong or missing.
         SimulationError: The robot cannot do what the reference wants.
     """
-    robot_file = robot_of(scenario)
     with scenario.located("robot"):
-        robot = build_model(robot_file)
+        robot = build_model(robot_of(scenario))
     step_s = control_step(scenario, reference, circuit)
     ticks = round(scenario.duration / step_s)
     with scenario.located("duration"):
@@ -292,7 +294,7 @@ def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | 
         substeps_of(robot, step_s)
     with scenario.located("reference"):
         motion = reference.motion(robot, ticks, step_s)
-    return Body(robot, _plant(scenario, robot_file, robot, motion), motion, step_s, ticks)
+    return Body(robot, _plant(scenario, robot, motion, scenario.befalling), motion, step_s, ticks)
 
 
 def robot_of(scenario: Scenario) -> Robot:
@@ -308,9 +310,15 @@ def robot_of(scenario: Scenario) -> Robot:
         return found.with_servos(scenario.servo_profile)
 
 
-def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -> RobotModel:
+def _changing(disturbances: Sequence[Disturbance]) -> list[Disturbance]:
+    """Those that change the model."""
+    return [each for each in disturbances if each.changes_model]
+
+
+def _plant(
+    scenario: Scenario, robot: RobotModel, motion: Motion, disturbances: Sequence[Disturbance]
+) -> RobotModel:
     """The robot as it is simulated: with changed bodies, and the sensors that measures ask for themselves."""
-    changes = [(k, each) for k, each in enumerate(scenario.befalling) if each.changes_model]
     units = measurable(Body(robot, robot, motion, 1.0, 1))
     calls: dict[str, Any] = {}
     for key, name, text in [
@@ -322,18 +330,24 @@ def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -
             formula = _formula(scenario, (key, name), text, units, every)
             complain = partial(scenario.problem_in, key, name)
             calls = {str(call): (call, complain) for call in formula.references} | calls
-    if not changes and not calls:
+    if not _changing(disturbances) and not calls:
         return robot
-    made = build_model(file, (), calls)
-    for k, each in changes:
+    made = build_model(robot.robot, (), calls)
+    for k, each in enumerate(disturbances):
         place = f"disturbances[{k}].{each.kind}"
-        with scenario.located(place):
-            try:
-                each.change(made)
-            except InputError as error:
-                within = (replace(p, where=f"{place}.{p.where}".rstrip(".")) for p in error.problems)
-                raise InputError(*within) from error
+        if each.changes_model:
+            with scenario.located(place):
+                _change(each, made, place)
     return made
+
+
+def _change(disturbance: Disturbance, robot: RobotModel, place: str) -> None:
+    """Change the model; complaints are about a place within that of the disturbance."""
+    try:
+        disturbance.change(robot)
+    except InputError as error:
+        within = (replace(p, where=f"{place}.{p.where}".rstrip(".")) for p in error.problems)
+        raise InputError(*within) from error
 
 
 def control_step(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> float:
