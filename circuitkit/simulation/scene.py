@@ -152,7 +152,9 @@ class ReplayModel:
         """Tail and tip of a push's arrow: it points at where the push acts and ends on the surface."""
         direction = push.force / push.size_n
         far = _FAR_SIZES * self.size_m
-        start = self.data.xipos[self._bodies[push.body]] + push.point_m - far * direction
+        body = self._bodies[push.body]
+        point = self.data.xmat[body].reshape(3, 3) @ push.point_m if push.turns else push.point_m
+        start = self.data.xipos[body] + point - far * direction
         hit = np.zeros(1, dtype=np.int32)
         away = mujoco.mj_ray(self.model, self.data, start, direction, None, 0, -1, hit)
         tip: Array = start + (away if 0 <= away <= far else far) * direction

@@ -27,6 +27,7 @@ class PushSpan:
         end_s: Its end.
         force: Largest force in it, world frame; shape (3,), [N].
         point_m: Where it acts, from the body's centre of mass; shape (3,).
+        turns: Whether that point turns with the body; else it lies along the world's axes.
     """
 
     body: int
@@ -34,6 +35,7 @@ class PushSpan:
     end_s: float
     force: Array
     point_m: Array
+    turns: bool = False
 
     @property
     def size_n(self) -> float:
@@ -149,5 +151,7 @@ def _span(push: BodyForce, robot: int, begin: int, end: int, step_s: float) -> P
     share = size / size.max()  # of its first and last tick a push may cover a part
     start_s = (push.first_tick + begin + 1 - share[0]) * step_s
     end_s = start_s + share.sum() * step_s
-    point = np.zeros(3) if push.point_m is None else push.point_m[robot]
-    return PushSpan(push.body, float(start_s), float(end_s), forces[np.argmax(size)], point)
+    return PushSpan(
+        push.body, float(start_s), float(end_s), forces[np.argmax(size)],
+        push.point_m[robot], bool(push.turns[robot]),
+    )  # fmt: skip
