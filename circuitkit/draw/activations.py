@@ -20,15 +20,13 @@ from circuitkit.draw.style import (
     CYCLE,
     DASHES,
     GREY,
-    PICTURES,
     SMALL,
     axes_at,
     house_style,
     new_figure,
     plain_legend,
-    require_suffix,
-    save_figure,
     tidy,
+    write_picture,
 )
 from circuitkit.draw.wording import parameter_texts
 
@@ -111,8 +109,7 @@ def draw_activations(graph: CircuitGraph, path: str | Path) -> None:
         InputError: Another suffix.
         OutputError: The file cannot be written.
     """
-    require_suffix(path, PICTURES)
-    save_figure(activations_figure(graph), path)
+    write_picture(path, lambda: activations_figure(graph))
 
 
 def activations_figure(graph: CircuitGraph) -> Figure:

@@ -20,6 +20,7 @@ from circuitkit.draw.style import (
     INK,
     KIND_COLOUR,
     PAPER,
+    POINTS_PER_INCH,
     SMALL,
     house_style,
     new_figure,
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MARGIN = 10.0
-_POINTS_PER_INCH = 72.0
 _LEGEND_GAP = 16.0
 
 
@@ -62,7 +62,7 @@ def circuit_figure(network: Network, *, with_legend: bool = True) -> Figure:
     drawn = above + layout.height + below
     height = drawn + (_LEGEND_GAP + legend.height if with_legend else 0.0) + 2 * _MARGIN
     with house_style():
-        figure = new_figure(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH)
+        figure = new_figure(width / POINTS_PER_INCH, height / POINTS_PER_INCH)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         axes.set(xlim=(0.0, width), ylim=(height, 0.0))
