@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from walking import a_push, nao_body, scenario, walk_alone
 
+from circuitkit import parse_circuit
 from circuitkit.base.errors import MissingDependencyError
 from circuitkit.simulation import make_plan
 from circuitkit.simulation import renderer as renderers
@@ -206,6 +207,58 @@ def test_the_panel_works_without_a_circuit_and_with_readings_that_are_missing(pu
         pushed, recording=dataclasses.replace(pushed.recording, observations=observations)
     )
     assert np.asarray(Panel(result, summarise(result)).picture(10)).shape == (200, 640, 3)
+
+
+LARGE = """
+circuit: large
+control_step: 10 ms
+timing: ordered
+inputs: {gyro_x: {unit: rad/s, range: [-5 rad/s, 5 rad/s]}}
+neurons:
+NEURONS
+populations:
+  ring: {size: 4, model: sigmoid, role: inhibitory, slope: 10 s/rad, shift: 1 rad/s}
+synapses:
+SYNAPSES
+outputs: {ankle_roll: {unit: deg, readout: {n0: 1 deg}}}
+"""
+
+
+def large_circuit(size):
+    """A chain of neurons, which is too long for a drawing that one can read."""
+    neuron = "{model: sigmoid, role: excitatory, slope: 10 s/rad, shift: 1 rad/s}"
+    neurons = [f"  n{i}: {neuron}" for i in range(size)]
+    synapses = ["  - {from: gyro_x, to: n0, weight: 1}"]
+    synapses += [f"  - {{from: n{i}, to: n{i + 1}, weight: 1 rad/s}}" for i in range(size - 1)]
+    text = LARGE.replace("NEURONS", "\n".join(neurons)).replace("SYNAPSES", "\n".join(synapses))
+    return parse_circuit(text)
+
+
+def test_a_circuit_too_large_to_be_read_is_shown_as_cells(pushed):
+    """Of 26 neurons and a population 13 stand in each of three columns, and one cell is lit by its own."""
+    graph = large_circuit(26)
+    names = tuple([f"n{i}" for i in range(26)] + [f"ring[{i}]" for i in range(4)])
+
+    def picture(**active):
+        trace = np.zeros((*pushed.recording.trace.shape[:2], len(names)))
+        for name, value in active.items():
+            trace[..., names.index(name.replace("_", "[") + "]" * ("_" in name))] = value
+        recording = dataclasses.replace(pushed.recording, circuit=graph, trace=trace, trace_names=names)
+        result = dataclasses.replace(pushed, recording=recording)
+        return np.asarray(Panel(result, summarise(result)).picture(150)).astype(int)
+
+    def lit(**active):
+        """Where the picture differs from the one at rest: columns and rows, in pixels."""
+        rows, columns = np.nonzero(np.abs(picture(**active) - picture()).max(axis=-1) > 40)
+        return columns.min(), columns.max(), rows.min(), rows.max()
+
+    wide, high = 404 / 3, 12.4
+    for name, column, row in (("n0", 0, 0), ("n12", 0, 12), ("n13", 1, 0)):
+        left, top = 8 + column * wide, 24 + row * high
+        found = lit(**{name: 1.0})
+        np.testing.assert_allclose(found, (left, left + wide - 2, top, top + high), atol=2.5)
+    left, right, _, _ = lit(ring_2=1.0)  # the third of four stripes
+    np.testing.assert_allclose((left, right), 8 + 2 * wide + np.array([0.5, 0.75]) * (wide - 2), atol=2.5)
 
 
 @pytest.mark.usefixtures("renderer")
