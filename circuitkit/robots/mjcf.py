@@ -18,6 +18,10 @@ _LOG = logging.getLogger(__name__)
 _Made = TypeVar("_Made")
 _NAMED = ("bodies", "joints", "sites", "tendons", "actuators", "sensors", "keys")
 _SINGULAR = {"bodies": "body"}
+_GONE = dict.fromkeys(  # what MuJoCo had before version 4, by how its complaints name it
+    ("'composite'", "mujoco.elasticity"),
+    "MuJoCo 4 has neither; a flexcomp with <elasticity> takes their place",
+)
 
 
 def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
@@ -27,7 +31,8 @@ def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
         InputError: It cannot be read; says why.
     """
     with _said_by_mujoco(path):
-        spec = _or_complain(path, "not an MJCF file", lambda: mujoco.MjSpec.from_file(str(path)))
+        what = f"MuJoCo {mujoco.__version__} cannot read it"
+        spec = _or_complain(path, what, lambda: mujoco.MjSpec.from_file(str(path)))
     name_parts(spec)
     return spec
 
@@ -61,12 +66,19 @@ def name_parts(spec: Any) -> None:  # noqa: ANN401 - as above
                 taken.add(name)
 
 
+def flex_bodies(model: mujoco.MjModel) -> set[int]:
+    """Numbers of the bodies that are no more than the vertices of something soft."""
+    vertices = {*model.flex_vertbodyid.tolist(), *model.flex_nodebodyid.tolist()}
+    return {body for body in vertices if body >= 0 and not model.body_geomnum[body]}
+
+
 def _or_complain(path: Path, what: str, make: Callable[[], _Made]) -> _Made:
     try:
         return make()
     except (ValueError, mujoco.FatalError) as error:
         text = "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
-        raise InputError(Problem(str(path), 1, 1, "", f"{what}: {text}")) from error
+        hint = next((words for part, words in _GONE.items() if part in text), "")
+        raise InputError(Problem(str(path), 1, 1, "", f"{what}: {text}", hint)) from error
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from circuitkit.circuit.expressions.dimensions import (
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
-from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
+from circuitkit.robots.mjcf import compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
 from circuitkit.robots.servos import add_servos
 from circuitkit.robots.spec import ChannelSpec, Robot
@@ -32,7 +32,7 @@ _HINGE, _SLIDE, _FREE = (
     int(kind)
     for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
 )
-
+_ALONG = 0.99  # cosine to an axis from which on a joint goes along it or about it
 
 Complain: TypeAlias = Callable[[str, int], Problem]
 
@@ -417,3 +417,35 @@ def servo_numbers(robot: RobotModel, joints: Sequence[str]) -> NDArray[np.int64]
             kind = "joint with a position servo"
             raise UnknownNameError(kind, name, of_joint)
     return np.array([of_joint[name] for name in joints], dtype=np.int64)
+
+
+class MobileBase:
+    """What carries a robot through the world: a free joint, or slides along x and y and a hinge about z.
+
+    Attributes:
+        free: Number of the free joint, if any.
+        dofs: Places in `qvel` of the velocity along x (0) and y (1), as far as there are any.
+        places: Places in `qpos` of the same.
+        turn: Number of the hinge about z, if it stands on one.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        """Find it."""
+        model, self.free = robot.model, robot.base
+        self.turn: int | None = None
+        self.dofs: dict[int, int] = {}
+        self.places: dict[int, int] = {}
+        if self.free is not None:
+            start, place = int(model.jnt_dofadr[self.free]), int(model.jnt_qposadr[self.free])
+            self.dofs, self.places = {0: start, 1: start + 1}, {0: place, 1: place + 1}
+            return
+        soft = flex_bodies(model)
+        for joint, body in enumerate(model.jnt_bodyid.tolist()):
+            if model.body_parentid[body] != 0 or body in soft:
+                continue
+            axis = np.abs(model.jnt_axis[joint])
+            if model.jnt_type[joint] == _SLIDE and axis[:2].max() > _ALONG:
+                self.dofs[int(axis[:2].argmax())] = int(model.jnt_dofadr[joint])
+                self.places[int(axis[:2].argmax())] = int(model.jnt_qposadr[joint])
+            elif model.jnt_type[joint] == _HINGE and axis[2] > _ALONG:
+                self.turn = joint

@@ -13,7 +13,7 @@ import numpy as np
 from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.files import write_text
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
+from circuitkit.robots.mjcf import compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.model import drives_position
 from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
 
@@ -58,10 +58,8 @@ def _lines(mjcf: Path, path: Path, model: mujoco.MjModel) -> Iterator[str]:
     except ValueError:
         beside = mjcf.resolve()
     yield f"# A robot made of {mjcf.name}: what of it can be read (channels) and written (commands)."
-    yield (
-        "# Take out what you do not need, rename what you like; docs/robots/README.md tells what expressions "
-        "can say."
-    )
+    guide = "docs/robots/README.md tells what expressions can say"
+    yield f"# Take out what you do not need, rename what you like; {guide}."
     yield f"robot: {_key(_word(mjcf.stem))}"
     yield f"description: {_key(mjcf.name)}"
     yield f"mjcf: {_key(str(beside))}"
@@ -123,11 +121,8 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
     moving = _moving(model)
     if not moving:
         return
-    yield (
-        "# hold:                    # joints that start at and, where a position actuator drives them, are "
-        "held "
-        "at this"
-    )
+    start_at = "joints that start at and, where a position actuator drives them, are held at this"
+    yield f"# hold:                    # {start_at}"
     for name, j, kind in moving:
         start = float(model.qpos0[model.jnt_qposadr[j]])
         shown = f"{np.degrees(start):.6g} deg" if kind == _HINGE else f"{start * 1e3:.6g} mm"
@@ -154,12 +149,13 @@ def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:
         lines.append(f"  {mark}{_key(own)}: {{unit: {shown}, is: {_quoted(expression)}}}")
 
     _sensors(model, add)
-    for name, _, kind in _moving(model):
-        unit = "rad" if kind == _HINGE else "m"
-        add(_word(name), unit, f"joint({_shown(name)})")
-        add(f"{_word(name)}_rate", f"{unit}/s", f"rate({_shown(name)})")
+    soft = flex_bodies(model)  # of which there are many, and nobody reads them all
+    for name, number, kind in _moving(model):
+        unit, used = "rad" if kind == _HINGE else "m", int(model.jnt_bodyid[number]) not in soft
+        add(_word(name), unit, f"joint({_shown(name)})", used=used)
+        add(f"{_word(name)}_rate", f"{unit}/s", f"rate({_shown(name)})", used=used)
     for b in range(1, model.nbody):
-        if int(model.body_parentid[b]) == 0 and model.body_dofnum[b] > 0:
+        if int(model.body_parentid[b]) == 0 and model.body_dofnum[b] > 0 and b not in soft:
             _body(_word(model.body(b).name), _shown(model.body(b).name), add)
     for i in range(model.ntendon):
         name = model.tendon(i).name

@@ -130,6 +130,7 @@ class ReplayModel:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)  # which cameras follow
         mujoco.mj_camlight(self.model, self.data)
+        mujoco.mj_flex(self.model, self.data)
         mujoco.mj_tendon(self.model, self.data)
 
     def last_above_ground(self, tick: int) -> int:
