@@ -12,6 +12,7 @@ from typing import Any
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError
 from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph, load_circuit
+from circuitkit.circuit.silencing import silence
 from circuitkit.control import (
     CircuitController,
     Controller,
@@ -250,8 +251,6 @@ def load_circuits(
     Raises:
         InputError: A file is wrong or missing, or what is silenced is not there.
     """
-    from circuitkit.circuit.silencing import silence  # most scenarios silence nothing
-
     chosen = scenario.circuit if circuit is None else circuit
     if chosen is None:
         return Circuits()
