@@ -13,7 +13,7 @@ import numpy as np
 from circuitkit.base.units import DIMENSIONLESS, Unit
 from circuitkit.circuit.graph import CircuitGraph, Neuron
 from circuitkit.draw.layers import make_layers
-from circuitkit.draw.network import make_network
+from circuitkit.draw.network import make_network, parameter_texts
 from circuitkit.draw.responses import centres, function, member, response, span
 from circuitkit.draw.shapes import text_size
 from circuitkit.draw.style import (
@@ -28,7 +28,6 @@ from circuitkit.draw.style import (
     tidy,
     write_picture,
 )
-from circuitkit.draw.wording import parameter_texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
