@@ -23,9 +23,8 @@ from circuitkit.circuit.expressions.dimensions import (
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
-from circuitkit.robots.mjcf import compile_mjcf, flex_bodies, read_mjcf
+from circuitkit.robots.mjcf import add_servos, compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
-from circuitkit.robots.servos import add_servos
 from circuitkit.robots.spec import ChannelSpec, Robot
 
 _HINGE, _SLIDE, _FREE = (

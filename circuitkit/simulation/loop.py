@@ -13,10 +13,9 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Array, Controller
 from circuitkit.robots import Observer, RobotModel, Worlds
 from circuitkit.simulation.disturbance import Effects, Hook, RunSpec
-from circuitkit.simulation.measures import Judge
+from circuitkit.simulation.measures import Judge, Tracker
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.reference import Motion
-from circuitkit.simulation.tracking import Tracker
 
 _LOOK_EVERY = 20  # ticks between two looks at who has ended
 _AFTER_END_S = 0.6  # is still recorded once all have ended, so that films show what came of it

@@ -18,8 +18,7 @@ from circuitkit.draw.lit import lit_network, node_columns
 from circuitkit.draw.network import Node, make_network
 from circuitkit.draw.style import CYCLE, GREY, INK, KIND_COLOUR, PAPER, ROLE_FILL
 from circuitkit.simulation.plots import channels_of_interest, shown_unit, values_of
-from circuitkit.simulation.result import Result
-from circuitkit.simulation.summary import RunSummary
+from circuitkit.simulation.result import Result, RunSummary
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont

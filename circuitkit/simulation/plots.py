@@ -28,8 +28,7 @@ from circuitkit.draw.style import (
 )
 from circuitkit.draw.traces import Activity, Line, Panel, Span, traces_figure
 from circuitkit.robots.model import MobileBase
-from circuitkit.simulation.result import Result
-from circuitkit.simulation.summary import RunSummary, summarise
+from circuitkit.simulation.result import Result, RunSummary, summarise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from circuitkit.robots import RobotModel
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.renderer import Screen
-from circuitkit.simulation.summary import PushSpan
+from circuitkit.simulation.result import PushSpan
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -10,9 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 from circuitkit.base.errors import CircuitkitError
-from circuitkit.simulation.result import Result
+from circuitkit.simulation.result import Result, summarise
 from circuitkit.simulation.scene import ReplayModel, add_arrow, place_camera
-from circuitkit.simulation.summary import summarise
 
 _PICTURES_PER_S = 60.0
 _PAUSE_S = 1.0  # before it begins anew

@@ -21,9 +21,8 @@ from circuitkit.simulation import renderer as renderers
 from circuitkit.simulation.film import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, frame_count
 from circuitkit.simulation.panel import Panel
 from circuitkit.simulation.renderer import RendererError
-from circuitkit.simulation.result import Result
+from circuitkit.simulation.result import PushSpan, Result, summarise
 from circuitkit.simulation.scene import ReplayModel, film_model
-from circuitkit.simulation.summary import PushSpan, summarise
 from circuitkit.simulation.viewer import DisplayError, replay, watch
 
 LEFTWARD = np.array([0.0, 1.0, 0.0])

@@ -27,9 +27,8 @@ from circuitkit.simulation.plots import (
     shown_unit,
 )
 from circuitkit.simulation.recording import column_name
-from circuitkit.simulation.result import Result
+from circuitkit.simulation.result import Result, find_pushes, summarise
 from circuitkit.simulation.scenario import Scenario
-from circuitkit.simulation.summary import find_pushes, summarise
 
 CONNECT = {"inputs": {"lean": "angle"}, "outputs": {"motor_force": "force"}}
 
