@@ -19,6 +19,10 @@ import mujoco
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.robots.spec import Robot, Servo
 
+HINGE, SLIDE, FREE = (
+    int(kind)
+    for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
+)
 _LOG = logging.getLogger(__name__)
 _Made = TypeVar("_Made")
 _NAMED = ("bodies", "joints", "sites", "tendons", "actuators", "sensors", "keys")

@@ -242,6 +242,7 @@ class Effects:
         own_tick: From which tick on a robot may do otherwise than others with its seed; shape (B,).
         shift_s: By how much pushes start later; shape (B,).
         spans: Everything that has a beginning and an end, for pictures: label, first and last second.
+        finishers: Done when all disturbances have added their hooks; see `collected`.
     """
 
     robot: RobotModel

@@ -162,7 +162,7 @@ class Plan:
             kinds = tuple(kind.bind(self) for kind in self.scenario.measure_kinds)
         channels = self.body.plant.channels
         ranges = {name: channel.range for name, channel in channels.items() if channel.range is not None}
-        units = measurable(self.body)
+        units = measurable(self.body.plant, self.body.motion)
         bounded = {*ranges, *(name for name in units if any(k.bounds_known(name) for k in kinds))}
         formulas = {
             name: _formula(self.scenario, ("measures", name), text, units, bounded)
@@ -213,10 +213,10 @@ def _formula(
         raise located(error, lambda message, offset: scenario.problem_in(*place, message, offset)) from error
 
 
-def measurable(body: Body) -> dict[str, Unit]:
+def measurable(robot: RobotModel, motion: Motion) -> dict[str, Unit]:
     """Everything that measures may name, with its unit."""
-    planned = {name: channel.unit for name, channel in body.motion.planned.items()}
-    return {**planned, **body.plant.command_units, **body.plant.channel_units}
+    planned = {name: channel.unit for name, channel in motion.planned.items()}
+    return {**planned, **robot.command_units, **robot.channel_units}
 
 
 def make_plan(
@@ -318,7 +318,7 @@ def _plant(
     scenario: Scenario, robot: RobotModel, motion: Motion, disturbances: Sequence[Disturbance]
 ) -> RobotModel:
     """The robot as it is simulated: with changed bodies, and the sensors that measures ask for themselves."""
-    units = measurable(Body(robot, robot, motion, 1.0, 1))
+    units = measurable(robot, motion)
     calls: dict[str, Any] = {}
     for key, name, text in [
         ("until", "", scenario.until or ""),

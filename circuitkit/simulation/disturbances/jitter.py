@@ -12,10 +12,10 @@ from pydantic import Field, model_validator
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Metres, MetresPerSecond, Radians, Seconds
 from circuitkit.robots import Worlds
+from circuitkit.robots.mjcf import HINGE
 from circuitkit.robots.model import MobileBase
 from circuitkit.simulation.disturbance import Disturbance, Effects
 
-_HINGE = mujoco.mjtJoint.mjJNT_HINGE
 _STREAM = 2**16  # of its own, so that it leaves the seeds' other numbers alone
 
 
@@ -76,7 +76,7 @@ class Jitter(Disturbance):
 
     def _place(self, effects: Effects, robots: Sequence[int], base: MobileBase) -> None:
         moved, turned = np.zeros((effects.batch, 2)), np.zeros(effects.batch)
-        hinges = [j for j in range(effects.robot.model.njnt) if effects.robot.model.jnt_type[j] == _HINGE]
+        hinges = [j for j in range(effects.robot.model.njnt) if effects.robot.model.jnt_type[j] == HINGE]
         hinges = [j for j in hinges if j != base.turn]
         bent = np.zeros((effects.batch, len(hinges)))
         for i in robots:
