@@ -32,22 +32,16 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
 
 def check_direction(value: object) -> str:
     """Refuse an angle of more than once round; words are looked up when the reference is known."""
-    if not isinstance(value, str):
-        message = (
-            f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 "
-            "deg'"
-        )
-        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
-    if _is_angle(value) and not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
-        message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
+    text = value if isinstance(value, str) else ""
+    if _is_angle(text):
+        if not abs(parse_quantity(text).value_si) <= _LARGEST_ANGLE_RAD:
+            message = f"found '{text}'; allowed: an angle from -360 deg to 360 deg"
+            raise ValueError(message)
+    elif not text.replace("_", "").isalpha():
+        allowed = f"{listing(DIRECTIONS)}, or an angle such as '15 deg'"
+        message = f"unknown direction {describe(value)}; allowed: {allowed}"
         raise ValueError(message)
-    if not _is_angle(value) and not value.replace("_", "").isalpha():
-        message = (
-            f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 "
-            "deg'"
-        )
-        raise ValueError(message)
-    return value
+    return text
 
 
 def _is_angle(text: str) -> bool:
