@@ -179,6 +179,23 @@ def test_a_fallen_robot_is_not_shown_inside_the_ground(fallen):
     assert heights[1] < 0
 
 
+def test_an_arrow_points_at_a_point_of_the_body_however_it_stands(pushed):
+    """The line of the arrow passes through the point, which may lie along the world's axes or the body's."""
+    recording = pushed.recording
+    replayed = ReplayModel(recording)
+    replayed.stand(100)
+    bodies = range(1, recording.robot.model.nbody)
+    number = max(bodies, key=lambda i: abs(replayed.data.xmat[i][0] - 1))  # the one that is turned most
+    turned = replayed.data.xmat[number].reshape(3, 3)
+    assert np.abs(turned - np.eye(3)).max() > 0.3
+    point = np.array([0.01, 0.0, 0.02])
+    for turns, where in ((False, point), (True, turned @ point)):
+        tail, tip = replayed.arrow(PushSpan(number, 0.0, 1.0, LEFTWARD, point, turns))
+        beside = tip - replayed.data.xipos[number] - where
+        np.testing.assert_allclose(np.cross(beside, LEFTWARD), 0, atol=1e-12)
+        np.testing.assert_allclose(np.cross(tip - tail, LEFTWARD), 0, atol=1e-12)
+
+
 def test_a_robot_that_stays_above_the_ground_is_shown_to_the_end(pushed):
     assert ReplayModel(pushed.recording).last_above_ground(100) == pushed.recording.ticks - 1
 
