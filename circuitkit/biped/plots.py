@@ -25,8 +25,7 @@ from circuitkit.draw.style import (
     new_figure,
     tidy,
 )
-from circuitkit.simulation.result import Result
-from circuitkit.simulation.summary import PushSpan, RunSummary, summarise
+from circuitkit.simulation.result import PushSpan, Result, RunSummary, summarise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

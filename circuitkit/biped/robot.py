@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from circuitkit.simulation.recording import Recording
-    from circuitkit.simulation.result import Result
-    from circuitkit.simulation.summary import RunSummary
+    from circuitkit.simulation.result import Result, RunSummary
 
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts of the foot
 

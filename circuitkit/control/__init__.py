@@ -1,8 +1,7 @@
 """Controllers: the protocol, neural circuits, no feedback, and files of other kinds."""
 
 from circuitkit.control.circuit import BoundCircuit, CircuitController
-from circuitkit.control.controller import Array, Controller, Interface, PlannedChannel
-from circuitkit.control.open_loop import OpenLoop
+from circuitkit.control.controller import Array, Controller, Interface, OpenLoop, PlannedChannel
 from circuitkit.control.spec import ControllerSpec, load_controller, shipped_controllers
 
 __all__ = [

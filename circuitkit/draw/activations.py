@@ -13,24 +13,21 @@ import numpy as np
 from circuitkit.base.units import DIMENSIONLESS, Unit
 from circuitkit.circuit.graph import CircuitGraph, Neuron
 from circuitkit.draw.layers import make_layers
-from circuitkit.draw.network import make_network
+from circuitkit.draw.network import make_network, parameter_texts
 from circuitkit.draw.responses import centres, function, member, response, span
 from circuitkit.draw.shapes import text_size
 from circuitkit.draw.style import (
     CYCLE,
     DASHES,
     GREY,
-    PICTURES,
     SMALL,
     axes_at,
     house_style,
     new_figure,
     plain_legend,
-    require_suffix,
-    save_figure,
     tidy,
+    write_picture,
 )
-from circuitkit.draw.wording import parameter_texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,8 +108,7 @@ def draw_activations(graph: CircuitGraph, path: str | Path) -> None:
         InputError: Another suffix.
         OutputError: The file cannot be written.
     """
-    require_suffix(path, PICTURES)
-    save_figure(activations_figure(graph), path)
+    write_picture(path, lambda: activations_figure(graph))
 
 
 def activations_figure(graph: CircuitGraph) -> Figure:

@@ -1,25 +1,26 @@
-"""`draw_circuit`: the network as a picture that one would print, in any of five formats."""
+"""`draw_circuit`: the network as a picture that one would print, with its legend, in any of five formats."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from circuitkit.base.files import write_text
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.draw.dot import dot_text
-from circuitkit.draw.layout import Layout, arrange
-from circuitkit.draw.legend import Legend, make_legend
+from circuitkit.draw.formats import add_tooltips, dot_text, html_page, tooltips
+from circuitkit.draw.layout import Layout, NodeBox, arrange
 from circuitkit.draw.marks import add_group, add_line, add_node, add_text
-from circuitkit.draw.network import Network, make_network
-from circuitkit.draw.page import add_tooltips, html_page, tooltips
+from circuitkit.draw.network import Link, Network, make_network
 from circuitkit.draw.routing import Route
+from circuitkit.draw.shapes import Box, text_size
 from circuitkit.draw.style import (
     INK,
     KIND_COLOUR,
     PAPER,
+    POINTS_PER_INCH,
     SMALL,
     house_style,
     new_figure,
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
 _MARGIN = 10.0
-_POINTS_PER_INCH = 72.0
 _LEGEND_GAP = 16.0
 
 
@@ -62,7 +63,7 @@ def circuit_figure(network: Network, *, with_legend: bool = True) -> Figure:
     drawn = above + layout.height + below
     height = drawn + (_LEGEND_GAP + legend.height if with_legend else 0.0) + 2 * _MARGIN
     with house_style():
-        figure = new_figure(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH)
+        figure = new_figure(width / POINTS_PER_INCH, height / POINTS_PER_INCH)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         axes.set(xlim=(0.0, width), ylim=(height, 0.0))
@@ -134,3 +135,75 @@ _WRITERS: Mapping[str, Callable[[Network, Path], None]] = {
     ".dot": _write_dot,
     ".html": _write_html,
 }
+
+
+_ROW = 17.0
+_SAMPLE = 26.0
+_SPACE = 6.0
+_BETWEEN = 18.0
+_LEAST_WIDTH = 330.0
+_ROLES = {
+    "input": ("tag", "sensorial input"),
+    "excitatory": ("capsule", "excitatory neuron"),
+    "inhibitory": ("octagon", "inhibitory neuron"),
+    "output": ("rectangle", "output"),
+}
+_KINDS = {
+    "sensorial": "sensorial",
+    "excitatory": "excites",
+    "inhibitory": "inhibits",
+    "readout": "is read out",
+    "gate": "scales a synapse",
+}
+
+
+@dataclass(frozen=True)
+class Legend:
+    """Samples and words from the upper left corner of the legend, y downwards, [pt]."""
+
+    nodes: tuple[NodeBox, ...]
+    routes: tuple[Route, ...]
+    texts: tuple[tuple[float, float, str], ...]
+    width: float
+    height: float
+
+
+def make_legend(layout: Layout) -> Legend:
+    """Make the legend for the roles and kinds that a layout shows, in rows no wider than the drawing."""
+    roles = [role for role in _ROLES if any(node.role == role for node in layout.nodes.values())]
+    links = [route.link for route in layout.routes]
+    kinds = [kind for kind in _KINDS if any(link.kind == kind for link in links)]
+    arcs = [link for link in links if link.backward]
+    entries = [(_ROLES[role][1], role) for role in roles] + [(_KINDS[kind], kind) for kind in kinds]
+    if arcs:
+        entries.append(("arc back: closes a cycle", ""))
+    if any(not link.label for link in links):
+        entries.append(("a line without weight: 1, or \N{MINUS SIGN}1 if it inhibits", ""))
+    if layout.homeless:
+        entries.append((f"{len(layout.homeless)} lines have words without room", ""))
+    return _flow(entries, max(layout.width, _LEAST_WIDTH), len(roles))
+
+
+def _flow(entries: Sequence[tuple[str, str]], width: float, n_roles: int) -> Legend:
+    nodes: list[NodeBox] = []
+    routes: list[Route] = []
+    texts: list[tuple[float, float, str]] = []
+    x, row, widest = 0.0, 0, 0.0
+    for i, (text, what) in enumerate(entries):
+        sample = _SAMPLE + _SPACE if what else 0.0
+        needed = sample + text_size(text, SMALL)[0]
+        new_kind = i == n_roles or (not what and entries[i - 1][1])
+        if x > 0 and (x + needed > width or new_kind):
+            x, row = 0.0, row + 1
+        y = (row + 0.5) * _ROW
+        if i < n_roles:
+            box = Box(x + _SAMPLE / 2, y, _SAMPLE, 13.0)
+            nodes.append(NodeBox(f"legend {what}", what, _ROLES[what][0], ("",), box))
+        elif what:
+            link = Link("legend", what, what)
+            routes.append(Route(link, ((x, y), (x + _SAMPLE, y)), "ML", (1.0, 0.0)))
+        texts.append((x + sample, y, text))
+        x += needed
+        widest = max(widest, x)
+        x += _BETWEEN
+    return Legend(tuple(nodes), tuple(routes), tuple(texts), widest, (row + 1) * _ROW)

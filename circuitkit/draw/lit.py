@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -14,7 +14,7 @@ from circuitkit.draw.graph import circuit_figure
 from circuitkit.draw.layers import directed_links
 from circuitkit.draw.marks import line_ids, node_id
 from circuitkit.draw.network import Network, make_network
-from circuitkit.draw.style import KIND_COLOUR, house_style
+from circuitkit.draw.style import KIND_COLOUR, NORMAL, POINTS_PER_INCH, house_style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,27 +46,39 @@ class _Part:
     colour: NDArray[np.float32]
 
 
+def lit_network(graph: CircuitGraph, width: int, height: int, least_letters: float) -> LitNetwork | None:
+    """A circuit's picture in at most so many pixels.
+
+    Args:
+        graph: The circuit.
+        width: Of the picture at most, [pixels].
+        height: Of the picture at most, [pixels].
+        least_letters: Height of the letters at least, [pixels].
+
+    Returns:
+        The picture; None where its letters would be smaller.
+    """
+    network = make_network(graph)
+    with house_style():
+        figure = circuit_figure(network, with_legend=False)
+        inches = figure.get_size_inches()
+        figure.set_dpi(min(width / inches[0], height / inches[1]))
+        if NORMAL / POINTS_PER_INCH * figure.get_dpi() < least_letters:
+            return None
+        return LitNetwork(network, figure)
+
+
 class LitNetwork:
-    """A circuit's picture, of a size, whose neurons and lines are the stronger the more active a neuron is.
+    """A circuit's picture whose neurons and lines are the stronger the more active a neuron is.
 
     Attributes:
         boxes: Left, upper, right and lower edge of each input and output in the picture, [pixels].
         width: Of the picture, [pixels].
-        members: The member names of each population.
     """
 
-    def __init__(self, graph: CircuitGraph, width: int, height: int) -> None:
-        """Draw the circuit once, and each of its parts alone, into at most so many pixels."""
-        network = make_network(graph)
-        self.members = {
-            each.name: [f"{each.name}[{i}]" for i in range(each.size)] for each in graph.populations
-        }
-        with house_style():
-            figure = circuit_figure(network, with_legend=False)
-            inches = figure.get_size_inches()
-            dpi = min(width / inches[0], height / inches[1])
-            figure.set_dpi(dpi)
-            self._parts, self._still, words = _layers(figure, network)
+    def __init__(self, network: Network, figure: Figure) -> None:
+        """Draw the circuit once, and each of its parts alone; inside `house_style`."""
+        self._parts, self._still, words = _layers(figure, network)
         self._written = np.flatnonzero(words)  # pixels; the others need not be looked at for words
         self._words = words.reshape(-1, 1)[self._written]
         ends = [node for node in network.nodes if node.role in {"input", "output"}]
@@ -77,13 +89,8 @@ class LitNetwork:
             box = artists[node_id(node.name)].get_window_extent()
             self.boxes[node.name] = (box.x0, height - box.y1, box.x1, height - box.y0)
 
-    def picture(self, activity: Mapping[str, float]) -> Image:
-        """The picture under some activity by neuron; 1 is full. Shape (height, width, 3)."""
-        shares = {name: min(max(value, 0.0), 1.0) for name, value in activity.items() if np.isfinite(value)}
-        for name, members in self.members.items():
-            known = [shares[each] for each in members if each in shares]
-            if known:
-                shares[name] = sum(known) / len(known)
+    def picture(self, shares: Mapping[str, float]) -> Image:
+        """The picture under some activity by node, from 0 to 1. Shape (height, width, 3)."""
         image = self._still.copy()
         for part in self._parts:
             share = shares.get(part.source, 0.0)
@@ -96,6 +103,15 @@ class LitNetwork:
         ink = np.where(dark, np.float32(255.0), np.float32(20.0))
         pixels[self._written] = ground + self._words * (ink - ground)
         return image.astype(np.uint8)
+
+
+def node_columns(graph: CircuitGraph, names: Sequence[str]) -> dict[str, list[int]]:
+    """Where the neurons, and the members of populations, stand among recorded names; by node."""
+    known = {name: i for i, name in enumerate(names)}
+    nodes = {each.name: [each.name] for each in graph.neurons}
+    nodes |= {each.name: [f"{each.name}[{i}]" for i in range(each.size)] for each in graph.populations}
+    found = {node: [known[name] for name in each if name in known] for node, each in nodes.items()}
+    return {node: columns for node, columns in found.items() if columns}
 
 
 def _layers(figure: Figure, network: Network) -> tuple[list[_Part], NDArray[np.float32], NDArray[np.float32]]:

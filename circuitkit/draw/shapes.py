@@ -134,15 +134,14 @@ def inset(shape: str, box: Box, offset: float, *, vertical: bool) -> float:
 
 
 @lru_cache(maxsize=4096)
-def text_size(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
+def text_size(text: str, size: float) -> tuple[float, float]:
     """Give width and height of a line of text, [pt]; the height is that of the font, whatever the letters."""
     from matplotlib.font_manager import FontProperties  # 0.2 s, which running a circuit need not wait for
     from matplotlib.textpath import TextPath  # 0.2 s, which running a circuit need not wait for
 
     if not text.strip():
         return 0.0, size
-    font = FontProperties(family=FONT, weight="bold" if bold else "normal")
-    box = TextPath((0, 0), text, size=size, prop=font).get_extents()
+    box = TextPath((0, 0), text, size=size, prop=FontProperties(family=FONT)).get_extents()
     return float(box.width), size
 
 

@@ -5,7 +5,7 @@ The colours differ in lightness as much as in hue, so that they stay apart in gr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 FONT = "DejaVu Sans"  # comes with matplotlib, so that pictures are the same everywhere
 NORMAL, SMALL = 9.0, 7.5  # sizes of type, [pt]
+POINTS_PER_INCH = 72.0
 INK, GREY, PALE, PAPER = "#222222", "#666666", "#d9d9d9", "#ffffff"
 EXCITATORY, INHIBITORY, SENSORIAL, READOUT = "#2783bf", "#8c1510", "#6d6d6d", "#222222"
 GATE = "#7b4fa0"
@@ -125,6 +126,21 @@ def require_suffix(path: str | Path, allowed: tuple[str, ...]) -> str:
         message = f"found {found}; allowed: {', '.join(allowed)}"
         raise InputError(Problem("", 0, 0, str(path), message, suggest(suffix, allowed) if suffix else ""))
     return suffix
+
+
+def write_picture(path: str | Path, make: Callable[[], Figure]) -> None:
+    """Make a figure and write it, once it is clear that its file may be called so.
+
+    Args:
+        path: Where the picture goes: .png, .svg or .pdf.
+        make: Makes the figure.
+
+    Raises:
+        InputError: Another suffix.
+        OutputError: The file cannot be written.
+    """
+    require_suffix(path, PICTURES)
+    save_figure(make(), path)
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:

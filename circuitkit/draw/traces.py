@@ -18,16 +18,15 @@ from circuitkit.draw.style import (
     INK,
     KIND_COLOUR,
     NORMAL,
-    PICTURES,
+    POINTS_PER_INCH,
     SMALL,
     axes_at,
     house_style,
     new_figure,
     number,
     plain_legend,
-    require_suffix,
-    save_figure,
     tidy,
+    write_picture,
 )
 
 if TYPE_CHECKING:
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
 _WIDTH = 7.2  # [in]
 _LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN = 0.95, 0.2, 0.1, 0.5, 0.22  # [in]
 _WORDS = 0.18  # a line of words above the first panel, [in]
-_POINTS_PER_INCH = 72.0
 _ROW_HEIGHT = 0.17  # of a neuron, [in]
 _MOST_COLUMNS = 4000  # of the raster; more are not seen
 
@@ -63,7 +61,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """The area between two curves, such as the support polygon.
+    """The area between two curves, such as the range that is allowed.
 
     Attributes:
         name: For the legend; empty for none.
@@ -114,7 +112,7 @@ class Activity:
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of time that is marked in every panel, such as a push, [s]."""
+    """A stretch of time that is marked in every panel, such as a fault, [s]."""
 
     start_s: float
     stop_s: float
@@ -143,8 +141,7 @@ def draw_traces(
         InputError: Another suffix, or a curve that is not as long as the time.
         OutputError: The file cannot be written.
     """
-    require_suffix(path, PICTURES)
-    save_figure(traces_figure(time_s, panels, activity, spans, title), path)
+    write_picture(path, lambda: traces_figure(time_s, panels, activity, spans, title))
 
 
 def traces_figure(
@@ -253,7 +250,7 @@ def paint_activity(
     axes.tick_params(axis="y", length=0)
     darkest = number(float(full)) if full.ndim == 0 else "the largest of each"
     words: Any = {"ha": "right", "va": "bottom", "fontsize": SMALL, "color": GREY}
-    above = (0, lift_in * _POINTS_PER_INCH)
+    above = (0, lift_in * POINTS_PER_INCH)
     place: Any = {"xycoords": "axes fraction", "textcoords": "offset points"}
     axes.annotate(f"neuron outputs: white 0, black {darkest}", (1.0, 1.0), above, **place, **words)
     for tick, name in zip(axes.get_yticklabels(), activity.names, strict=True):

@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 from circuitkit.draw.style import (
     CYCLE,
     INK,
-    PICTURES,
     SMALL,
     axes_at,
     house_style,
     new_figure,
     plain_legend,
-    require_suffix,
-    save_figure,
     tidy,
+    write_picture,
 )
 from circuitkit.paper import equations as eq
 from circuitkit.paper.design_sheet import SHORT_PUSH_S, Bound, Sheet, show
@@ -49,8 +47,7 @@ def draw_design(sheet: Sheet, path: str | Path) -> None:
         InputError: Another suffix.
         OutputError: The file cannot be written.
     """
-    require_suffix(path, PICTURES)
-    save_figure(design_figure(sheet), path)
+    write_picture(path, lambda: design_figure(sheet))
 
 
 def design_figure(sheet: Sheet) -> Figure:

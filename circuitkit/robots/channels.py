@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -86,21 +86,6 @@ class Channel:
     range: tuple[float, float] | None = None
 
 
-def pick(channels: Mapping[str, Channel], names: Iterable[str]) -> list[Channel]:
-    """Channels by name.
-
-    Raises:
-        UnknownNameError: There is no such channel; lists those there are.
-    """
-    chosen = []
-    for name in names:
-        if name not in channels:
-            kind = "channel"
-            raise UnknownNameError(kind, name, channels)
-        chosen.append(channels[name])
-    return chosen
-
-
 class Observer:
     """Computes chosen channels from sensor readings, for all robots at once.
 
@@ -113,7 +98,11 @@ class Observer:
         Raises:
             UnknownNameError: There is no such channel; lists those there are.
         """
-        chosen = pick(channels, names)
+        for name in names:
+            if name not in channels:
+                kind = "channel"
+                raise UnknownNameError(kind, name, channels)
+        chosen = [channels[name] for name in names]
         self.names = tuple(names)
         self._count = len(chosen)
         self._quotients = _Quotients(
@@ -227,11 +216,3 @@ class _Quotients:
     def _divided(self, sums: Array) -> Array:
         values: Array = sums[..., : self._count] / np.maximum(sums[..., self._count :], self._least)
         return values
-
-
-def bare_columns(channels: Mapping[str, Channel]) -> dict[str, int]:
-    """The channels that are nothing more than a column of `sensordata`, with the column."""
-    return {name: bare for name, each in channels.items() if (bare := each.value.bare) is not None}
-
-
-__all__ = ["Array", "Channel", "Formula", "Observer", "Quotient", "bare_columns", "pick"]

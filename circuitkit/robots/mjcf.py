@@ -1,23 +1,36 @@
-"""Reading an MJCF as its author wrote it: every part gets a name, and what MuJoCo says reaches the user."""
+"""An MJCF as its author wrote it, and position servos in the place of its actuators.
+
+Every part gets a name, and what MuJoCo says reaches the user.
+"""
 
 from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import mujoco
 
-from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.robots.spec import Robot, Servo
 
+HINGE, SLIDE, FREE = (
+    int(kind)
+    for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
+)
 _LOG = logging.getLogger(__name__)
 _Made = TypeVar("_Made")
 _NAMED = ("bodies", "joints", "sites", "tendons", "actuators", "sensors", "keys")
 _SINGULAR = {"bodies": "body"}
+_GONE = dict.fromkeys(  # what MuJoCo had before version 4, by how its complaints name it
+    ("'composite'", "mujoco.elasticity"),
+    "MuJoCo 4 has neither; a flexcomp with <elasticity> takes their place",
+)
 
 
 def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
@@ -27,7 +40,8 @@ def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
         InputError: It cannot be read; says why.
     """
     with _said_by_mujoco(path):
-        spec = _or_complain(path, "not an MJCF file", lambda: mujoco.MjSpec.from_file(str(path)))
+        what = f"MuJoCo {mujoco.__version__} cannot read it"
+        spec = _or_complain(path, what, lambda: mujoco.MjSpec.from_file(str(path)))
     name_parts(spec)
     return spec
 
@@ -61,12 +75,19 @@ def name_parts(spec: Any) -> None:  # noqa: ANN401 - as above
                 taken.add(name)
 
 
+def flex_bodies(model: mujoco.MjModel) -> set[int]:
+    """Numbers of the bodies that are no more than the vertices of something soft."""
+    vertices = {*model.flex_vertbodyid.tolist(), *model.flex_nodebodyid.tolist()}
+    return {body for body in vertices if body >= 0 and not model.body_geomnum[body]}
+
+
 def _or_complain(path: Path, what: str, make: Callable[[], _Made]) -> _Made:
     try:
         return make()
     except (ValueError, mujoco.FatalError) as error:
         text = "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
-        raise InputError(Problem(str(path), 1, 1, "", f"{what}: {text}")) from error
+        hint = next((words for part, words in _GONE.items() if part in text), "")
+        raise InputError(Problem(str(path), 1, 1, "", f"{what}: {text}", hint)) from error
 
 
 @contextmanager
@@ -82,3 +103,98 @@ def _said_by_mujoco(path: Path) -> Iterator[None]:
 @cache
 def _tell(path: str, text: str) -> None:
     _LOG.warning("%s: MuJoCo says: %s", path, text)
+
+
+_TURNING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+_OF_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+_OFF = mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+def add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, float]:  # noqa: ANN401 - MjSpec is not typed
+    """Put a position servo in the place of the actuators of every joint that the robot file gives one.
+
+    Sensors of an actuator that goes become sensors of the servo that takes its place. Keyframes keep the
+    controls of the actuators that stay.
+
+    Args:
+        mj: The MJCF, changed in place.
+        robot: The robot file.
+        problems: Takes what is wrong.
+
+    Returns:
+        Stiffness by joint.
+    """
+    wanted = robot.servos_in_use
+    if not wanted:
+        return {}
+    chosen = _chosen(mj, robot, problems)
+    replaced = [a for a in mj.actuators if a.trntype in _OF_JOINT and a.target in chosen]
+    target_of = {actuator.name: actuator.target for actuator in replaced}
+    kept = [actuator.name for actuator in mj.actuators if actuator.name not in target_of]
+    _keep_controls(mj, robot, kept, len(chosen))
+    for actuator in replaced:
+        mj.delete(actuator)
+    names = {joint: joint if joint not in kept else f"{joint} servo" for joint in chosen}
+    for joint, servo in chosen.items():
+        _add_servo(mj, names[joint], joint, servo)
+    for sensor in mj.sensors:
+        if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR and sensor.objname in target_of:
+            sensor.objname = names[target_of[sensor.objname]]
+    return {joint: servo.stiffness for joint, servo in chosen.items()}
+
+
+def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:  # noqa: ANN401 - as above
+    """The servo of each joint that gets one."""
+    wanted = robot.servos_in_use
+    names = [joint.name for joint in mj.joints if joint.type in _TURNING]
+    chosen = {}
+    for name in names:
+        servo = next((each for each in wanted if any(fnmatchcase(name, p) for p in each.joints)), None)
+        if servo is not None:
+            chosen[name] = servo
+    for i, servo in enumerate(wanted):
+        for pattern in servo.joints:
+            if not any(fnmatchcase(name, pattern) for name in names):
+                where = (
+                    ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
+                )
+                message = (
+                    f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern "
+                    "with *"
+                )
+                problems.append(robot.problem((*where, "joints"), message, suggest(pattern, names)))
+    return chosen
+
+
+def _add_servo(mj: Any, name: str, joint: str, servo: Servo) -> None:  # noqa: ANN401 - as above
+    """Add a servo that is what the robot file says, whatever the MJCF's defaults for actuators are."""
+    actuator = mj.add_actuator(name=name, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
+    actuator.gear = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    actuator.ctrllimited = actuator.actlimited = _OFF
+    actuator.ctrlrange = actuator.actrange = [0.0, 0.0]
+    actuator.inheritrange = 0.0
+    actuator.armature = actuator.delay = 0.0
+    actuator.damping = [0.0, 0.0, 0.0]
+    actuator.nsample = 0
+    actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+    actuator.forcerange = [-servo.torque, servo.torque]
+
+
+def _keep_controls(
+    mj: Any,  # noqa: ANN401 - as above
+    robot: Robot,
+    kept: list[str],
+    servos: int,
+) -> None:
+    """Leave in each keyframe what is for the actuators that stay; servos hold the keyframe's positions."""
+    if not any(len(key.ctrl) or len(key.act) for key in mj.keys):
+        return
+    model = compile_mjcf(mj.copy(), robot.mjcf_path)
+    numbers = [int(model.actuator(name).id) for name in kept]
+    spans = [(int(model.actuator_actadr[i]), int(model.actuator_actnum[i])) for i in numbers]
+    for number, key in enumerate(mj.keys):
+        key.ctrl = [*model.key_ctrl[number][numbers], *[0.0] * servos]
+        key.act = [
+            value for start, count in spans for value in model.key_act[number][start : start + max(count, 0)]
+        ]

@@ -23,16 +23,11 @@ from circuitkit.circuit.expressions.dimensions import (
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
-from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
+from circuitkit.robots.mjcf import FREE, HINGE, SLIDE, add_servos, compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
-from circuitkit.robots.servos import add_servos
 from circuitkit.robots.spec import ChannelSpec, Robot
 
-_HINGE, _SLIDE, _FREE = (
-    int(kind)
-    for kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_FREE)
-)
-
+_ALONG = 0.99  # cosine to an axis from which on a joint goes along it or about it
 
 Complain: TypeAlias = Callable[[str, int], Problem]
 
@@ -134,14 +129,14 @@ class RobotModel:
         Raises:
             UnknownNameError: The model has none of this name; lists those it has.
         """
-        if kind == "body":
-            for block in self.blocks.values():
-                if name in (roles := getattr(block, "body_roles", {})):
-                    return int(roles[name])
+        roles: dict[str, int] = {}
+        for block in self.blocks.values() if kind == "body" else ():
+            roles |= getattr(block, "body_roles", {})
+        if name in roles:
+            return int(roles[name])
         names = self.names(kind)
         if name not in names:
-            roles = [role for block in self.blocks.values() for role in getattr(block, "body_roles", {})]
-            raise UnknownNameError(kind, name, dict.fromkeys([*(roles if kind == "body" else ()), *names]))
+            raise UnknownNameError(kind, name, dict.fromkeys([*roles, *names]))
         return int(getattr(self.model, kind)(name).id)
 
     def matching(self, kind: str, pattern: str) -> list[int]:
@@ -209,7 +204,7 @@ def build_model(
     return made
 
 
-def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepared]:  # noqa: ANN401 - as above
+def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepared]:  # noqa: ANN401 - MjSpec is not typed
     """Let the blocks of plug-ins add their sensors."""
     found = {}
     for kind, block in robot.given_blocks.items():
@@ -220,7 +215,7 @@ def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepa
     return found
 
 
-def _read(robot: Robot) -> Any:  # noqa: ANN401 - MjSpec is not typed
+def _read(robot: Robot) -> Any:  # noqa: ANN401 - as above
     path = robot.mjcf_path
     if not path.is_file():
         message = (
@@ -238,7 +233,7 @@ def _base(model: mujoco.MjModel) -> int | None:
         body = int(model.jnt_bodyid[joint])
         return int(moving[model.body_rootid[body]]), float(model.body_subtreemass[body])
 
-    free = [i for i in range(model.njnt) if model.jnt_type[i] == _FREE]
+    free = [i for i in range(model.njnt) if model.jnt_type[i] == FREE]
     return max(free, key=load, default=None)
 
 
@@ -372,7 +367,7 @@ def hold_joints(
     Returns:
         Numbers of the joints.
     """
-    names = [model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in {_HINGE, _SLIDE}]
+    names = [model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in {HINGE, SLIDE}]
     numbers = set()
     for name, text in hold.items():
         if name not in names:
@@ -383,7 +378,7 @@ def hold_joints(
             )
             continue
         joint = int(model.joint(name).id)
-        unit = parse_unit("rad" if model.jnt_type[joint] == _HINGE else "m")
+        unit = parse_unit("rad" if model.jnt_type[joint] == HINGE else "m")
         quantity = parse_quantity(text)
         if quantity.dimension != unit.dimension:
             complain(name, f"found '{text}'; allowed: a quantity in {unit} or like it")
@@ -417,3 +412,35 @@ def servo_numbers(robot: RobotModel, joints: Sequence[str]) -> NDArray[np.int64]
             kind = "joint with a position servo"
             raise UnknownNameError(kind, name, of_joint)
     return np.array([of_joint[name] for name in joints], dtype=np.int64)
+
+
+class MobileBase:
+    """What carries a robot through the world: a free joint, or slides along x and y and a hinge about z.
+
+    Attributes:
+        free: Number of the free joint, if any.
+        dofs: Places in `qvel` of the velocity along x (0) and y (1), as far as there are any.
+        places: Places in `qpos` of the same.
+        turn: Number of the hinge about z, if it stands on one.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        """Find it."""
+        model, self.free = robot.model, robot.base
+        self.turn: int | None = None
+        self.dofs: dict[int, int] = {}
+        self.places: dict[int, int] = {}
+        if self.free is not None:
+            start, place = int(model.jnt_dofadr[self.free]), int(model.jnt_qposadr[self.free])
+            self.dofs, self.places = {0: start, 1: start + 1}, {0: place, 1: place + 1}
+            return
+        soft = flex_bodies(model)
+        for joint, body in enumerate(model.jnt_bodyid.tolist()):
+            if model.body_parentid[body] != 0 or body in soft:
+                continue
+            axis = np.abs(model.jnt_axis[joint])
+            if model.jnt_type[joint] == SLIDE and axis[:2].max() > _ALONG:
+                self.dofs[int(axis[:2].argmax())] = int(model.jnt_dofadr[joint])
+                self.places[int(axis[:2].argmax())] = int(model.jnt_qposadr[joint])
+            elif model.jnt_type[joint] == HINGE and axis[2] > _ALONG:
+                self.turn = joint

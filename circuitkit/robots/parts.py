@@ -15,7 +15,7 @@ import mujoco
 
 from circuitkit.base.errors import ExpressionError, listing, suggest
 from circuitkit.base.units import parse_unit
-from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
+from circuitkit.circuit.expressions.dimensions import OpenDimension
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
 
 AXES = ("x", "y", "z")
@@ -80,7 +80,6 @@ class Reference:
 
 _REFERENCES: dict[str, Reference] = {}
 REFERENCES: Mapping[str, Reference] = _REFERENCES
-ARITIES: Mapping[str, tuple[int, int]]
 
 
 def _dimension(unit: str) -> OpenDimension:
@@ -253,70 +252,8 @@ def _axis(word: str) -> int:
 def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as above
     """Position, rate or force of a hinge or a slide."""
     if joint.type not in {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}:
-        message = (
-            f"'{joint.name}' is a {joint.type.name.removeprefix('mjJNT_').lower()} joint; allowed: a hinge "
-            "or "
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            "a slide"
-        )
+        kind = joint.type.name.removeprefix("mjJNT_").lower()
+        message = f"'{joint.name}' is a {kind} joint; allowed: a hinge or a slide"
         raise ExpressionError(message)
     return _dimension(_OF_HINGE_AND_SLIDE[sensor][0 if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1])
 
@@ -495,18 +432,4 @@ def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
     return Meaning(value, _dimension("N"))
 
 
-ARITIES = {name: reference.arity for name, reference in _REFERENCES.items()}
-__all__ = [
-    "ARITIES",
-    "AXES",
-    "NO_DIMENSION",
-    "REFERENCES",
-    "Meaning",
-    "Reference",
-    "Sensors",
-    "StandIn",
-    "bind",
-    "column",
-    "column_index",
-    "no_such",
-]
+ARITIES: Mapping[str, tuple[int, int]] = {name: reference.arity for name, reference in _REFERENCES.items()}

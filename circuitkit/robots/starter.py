@@ -13,7 +13,7 @@ import numpy as np
 from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.files import write_text
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
+from circuitkit.robots.mjcf import HINGE, SLIDE, compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.model import drives_position
 from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
 
@@ -22,7 +22,6 @@ _PLAIN = re.compile(r"[A-Za-z_/][\w.\-/]*")
 _YAML_WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
 _TAKEN = frozenset({"t", "ended"})  # of measures
 _SHOWN_COMPONENTS = 6  # further numbers of a sensor, such as a skin's, are comments
-_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def write_robot_starter(mjcf: Path, path: Path, *, force: bool = False) -> Path:
@@ -58,10 +57,8 @@ def _lines(mjcf: Path, path: Path, model: mujoco.MjModel) -> Iterator[str]:
     except ValueError:
         beside = mjcf.resolve()
     yield f"# A robot made of {mjcf.name}: what of it can be read (channels) and written (commands)."
-    yield (
-        "# Take out what you do not need, rename what you like; docs/robots/README.md tells what expressions "
-        "can say."
-    )
+    guide = "docs/robots/README.md tells what expressions can say"
+    yield f"# Take out what you do not need, rename what you like; {guide}."
     yield f"robot: {_key(_word(mjcf.stem))}"
     yield f"description: {_key(mjcf.name)}"
     yield f"mjcf: {_key(str(beside))}"
@@ -116,21 +113,18 @@ def _quoted(expression: str) -> str:
 def _moving(model: mujoco.MjModel) -> list[tuple[str, int, int]]:
     """Hinges and slides: name, number, type."""
     kinds = [(model.joint(j).name, j, int(model.jnt_type[j])) for j in range(model.njnt)]
-    return [each for each in kinds if each[2] in {_HINGE, _SLIDE}]
+    return [each for each in kinds if each[2] in {HINGE, SLIDE}]
 
 
 def _joints(model: mujoco.MjModel) -> Iterator[str]:
     moving = _moving(model)
     if not moving:
         return
-    yield (
-        "# hold:                    # joints that start at and, where a position actuator drives them, are "
-        "held "
-        "at this"
-    )
+    start_at = "joints that start at and, where a position actuator drives them, are held at this"
+    yield f"# hold:                    # {start_at}"
     for name, j, kind in moving:
         start = float(model.qpos0[model.jnt_qposadr[j]])
-        shown = f"{np.degrees(start):.6g} deg" if kind == _HINGE else f"{start * 1e3:.6g} mm"
+        shown = f"{np.degrees(start):.6g} deg" if kind == HINGE else f"{start * 1e3:.6g} mm"
         yield f"#   {_key(name)}: {shown}"
     of_joint = [int(t) == int(mujoco.mjtTrn.mjTRN_JOINT) for t in model.actuator_trntype]
     driven = {int(model.actuator_trnid[i, 0]) for i in range(model.nu) if of_joint[i]}
@@ -154,12 +148,13 @@ def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:
         lines.append(f"  {mark}{_key(own)}: {{unit: {shown}, is: {_quoted(expression)}}}")
 
     _sensors(model, add)
-    for name, _, kind in _moving(model):
-        unit = "rad" if kind == _HINGE else "m"
-        add(_word(name), unit, f"joint({_shown(name)})")
-        add(f"{_word(name)}_rate", f"{unit}/s", f"rate({_shown(name)})")
+    soft = flex_bodies(model)  # of which there are many, and nobody reads them all
+    for name, number, kind in _moving(model):
+        unit, used = "rad" if kind == HINGE else "m", int(model.jnt_bodyid[number]) not in soft
+        add(_word(name), unit, f"joint({_shown(name)})", used=used)
+        add(f"{_word(name)}_rate", f"{unit}/s", f"rate({_shown(name)})", used=used)
     for b in range(1, model.nbody):
-        if int(model.body_parentid[b]) == 0 and model.body_dofnum[b] > 0:
+        if int(model.body_parentid[b]) == 0 and model.body_dofnum[b] > 0 and b not in soft:
             _body(_word(model.body(b).name), _shown(model.body(b).name), add)
     for i in range(model.ntendon):
         name = model.tendon(i).name
@@ -224,17 +219,17 @@ def _unit_of_actuator(model: mujoco.MjModel, i: int) -> str:
     if int(model.actuator_trntype[i]) != int(mujoco.mjtTrn.mjTRN_JOINT) or int(model.actuator_dyntype[i]):
         return "1"
     kind = int(model.jnt_type[model.actuator_trnid[i, 0]])
-    if kind not in {_HINGE, _SLIDE}:
+    if kind not in {HINGE, SLIDE}:
         return "1"
     if drives_position(model, i):
-        return "rad" if kind == _HINGE else "m"
+        return "rad" if kind == HINGE else "m"
     gain, bias = float(model.actuator_gainprm[i, 0]), float(model.actuator_biasprm[i, 2])
     if gain > 0 and abs(gain + bias) <= 1e-9 * gain and not model.actuator_biasprm[i, 1]:
-        return "rad/s" if kind == _HINGE else "m/s"
+        return "rad/s" if kind == HINGE else "m/s"
     return "1"
 
 
 def _unit_of_force(model: mujoco.MjModel, i: int) -> str:
     """Of an actuator's force: a torque about a hinge, else a force."""
     of_joint = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-    return "N*m" if of_joint and int(model.jnt_type[model.actuator_trnid[i, 0]]) == _HINGE else "N"
+    return "N*m" if of_joint and int(model.jnt_type[model.actuator_trnid[i, 0]]) == HINGE else "N"

@@ -110,6 +110,7 @@ class Worlds:
         self._stopped: NDArray[np.bool_] = np.zeros(batch, dtype=bool)
         self._leaders: NDArray[np.int64] | None = None
         self._stepped: NDArray[np.int32] | None = None
+        self._pose: mujoco.MjData | None = None
         self.qpos[:] = start_qpos
         if model.na:
             self.physics.bind("act")[:] = robot.start_act
@@ -144,6 +145,15 @@ class Worlds:
         self._force[:, body, :3] = force
         if torque is not None:
             self._force[:, body, 3:] = torque
+
+    def rotation(self, body: int, robot: int) -> Array:
+        """A body's own axes in the world's frame now, as columns, of one robot; shape (3, 3)."""
+        if self._pose is None:
+            self._pose = mujoco.MjData(self.robot.model)
+        self._pose.qpos[:] = self.qpos[robot]
+        mujoco.mj_kinematics(self.robot.model, self._pose)
+        turned: Array = self._pose.xmat[body].reshape(3, 3).copy()
+        return turned
 
     def newly_lost(self) -> NDArray[np.bool_] | None:
         """Whose positions, velocities or accelerations are no numbers, or huge: MuJoCo has set them back.

@@ -19,7 +19,6 @@ from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_
 from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel, describe, unfilled
-from circuitkit.base.source.fields import Seconds
 from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel, Worlds
@@ -82,7 +81,7 @@ class Disturbance(FileModel):
         """From which tick on a robot may do otherwise than one that it does not befall; 0 if not known.
 
         Asked of disturbances that are `per_robot`: robots with the same seed are the same before that tick,
-        and         one of them is simulated for all.
+        and one of them is simulated for all.
 
         Raises:
             InputError: It starts at no moment of the reference.
@@ -167,6 +166,20 @@ class Hook(NamedTuple):
     act: Callable[[int, Any], object]
 
 
+class Lever(NamedTuple):
+    """A force that acts at a point of a body.
+
+    Attributes:
+        robot: Which robot's.
+        point_m: Where, from the body's centre of mass along the body's own axes; shape (3,).
+        forces: World frame, one row a tick; shape (t, 3), [N].
+    """
+
+    robot: int
+    point_m: Array
+    forces: Array
+
+
 @dataclass(frozen=True)
 class BodyForce:
     """Forces on one body, for the loop and for the pictures.
@@ -176,22 +189,31 @@ class BodyForce:
         first_tick: Tick of the first row.
         forces: At its centre of mass; shape (t, B, 3), [N]; the last row is zero.
         torques: Moments beside them; shape (t, B, 3), [N m]; None without.
-        point_m: Where they act, from the body's centre of mass; shape (B, 3), [m], in the frame of the world
-            at rest; for pictures.
+        point_m: Where they act, from the body's centre of mass; shape (B, 3), [m]; for pictures.
+        turns: Whether that point turns with the body; else it lies along the world's axes; shape (B,).
+        levers: The forces whose points turn with the body; their moments follow from how it stands.
     """
 
     body: int
     first_tick: int
     forces: Array
-    torques: Array | None = None
-    point_m: Array | None = None
+    torques: Array | None
+    point_m: Array
+    turns: Mask
+    levers: tuple[Lever, ...] = ()
 
     def hook(self) -> Hook:
         """What the loop does."""
 
         def act(tick: int, worlds: Worlds) -> None:
             row = tick - self.first_tick
-            worlds.push(self.body, self.forces[row], None if self.torques is None else self.torques[row])
+            torques = None if self.torques is None else self.torques[row].copy()
+            if torques is not None:
+                for robot, point_m, forces in self.levers:
+                    if forces[row].any():
+                        turned = worlds.rotation(self.body, robot) @ point_m
+                        torques[robot] += np.cross(turned, forces[row])
+            worlds.push(self.body, self.forces[row], torques)
 
         return Hook(self.first_tick, self.first_tick + len(self.forces), act)
 
@@ -220,6 +242,7 @@ class Effects:
         own_tick: From which tick on a robot may do otherwise than others with its seed; shape (B,).
         shift_s: By how much pushes start later; shape (B,).
         spans: Everything that has a beginning and an end, for pictures: label, first and last second.
+        finishers: Done when all disturbances have added their hooks; see `collected`.
     """
 
     robot: RobotModel
@@ -376,11 +399,14 @@ def draw_effects(
         commanded: The commands that it writes.
 
     Raises:
-        InputError: A disturbance names what is not there, or starts at no moment of the reference.
+        InputError: A disturbance names what is not there, or starts at no moment of the reference; or the
+            robots differ in one that befalls all of a batch.
     """
     effects = Effects(robot, reference, ticks, step_s, [spec.seed for spec in specs], observed, commanded)
     every = range(len(specs))
     shared = [(k, each) for k, each in enumerate(specs[0].disturbances) if not each.per_robot]
+    for spec in specs[1:]:
+        _require_the_same([each for _, each in shared], [e for e in spec.disturbances if not e.per_robot])
     for early in (True, False):
         for k, each in shared:
             if each.early is early:
@@ -396,7 +422,20 @@ def draw_effects(
     return effects
 
 
+def _require_the_same(first: list[Disturbance], other: list[Disturbance]) -> None:
+    """Refuse robots of one batch that differ in what befalls all of them."""
+    if first != other:
+        kinds = dict.fromkeys(
+            each.kind for each in (*first, *other) if each not in first or each not in other
+        )
+        apart = ", ".join(kind for kind, made in DISTURBANCES.kinds.items() if made.per_robot)
+        message = (
+            f"robots of one batch differ in {', '.join(kinds) or 'their order'}; allowed: in {apart} only"
+        )
+        raise InputError(Problem("", 0, 0, "disturbances", message))
+
+
 __all__ = [
-    "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Mask", "RunSpec", "Seconds", "Start",
+    "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Lever", "Mask", "RunSpec", "Start",
     "draw_effects", "item_class", "placed",
 ]  # fmt: skip

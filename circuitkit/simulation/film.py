@@ -15,9 +15,8 @@ from circuitkit.base.files import replacing
 from circuitkit.base.progress import progress_bar
 from circuitkit.draw.style import GREY, INK, PAPER
 from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
-from circuitkit.simulation.result import Result
+from circuitkit.simulation.result import PushSpan, Result, summarise
 from circuitkit.simulation.scene import CameraScene
-from circuitkit.simulation.summary import PushSpan, summarise
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw

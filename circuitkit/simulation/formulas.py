@@ -1,10 +1,14 @@
-"""Measures that are expressions over channels and time."""
+"""Measures that are expressions over channels and time.
+
+A reduction makes one number of a channel over time: the largest value, how long a condition held. A formula
+is an expression of reductions, channels and time.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, TypeAlias
 
@@ -14,6 +18,7 @@ from numpy.typing import NDArray
 from circuitkit.base.errors import ExpressionError
 from circuitkit.base.units import Dimension, Unit, parse_unit
 from circuitkit.circuit.expressions.dimensions import (
+    NO_DIMENSION,
     DimensionError,
     OpenDimension,
     dimension_of,
@@ -32,7 +37,96 @@ from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.control import Array
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.robots.parts import ARITIES, REFERENCES, StandIn
-from circuitkit.simulation.reductions import CONDITIONAL, DIGITS, PLAIN, REDUCTIONS, SECOND, Reduction
+
+Series: TypeAlias = Callable[[Array, float], Array]
+
+DIGITS = 12  # of a time in seconds
+SECOND, PLAIN = OpenDimension(Dimension(time=1)), NO_DIMENSION
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A function that makes one number of a channel over time.
+
+    Attributes:
+        so_far: Its value at every tick, from the values up to then and dt; (T,) to (T,).
+        dimension: Of the result, from that of the argument.
+        description: What it gives.
+    """
+
+    so_far: Series
+    dimension: Callable[[OpenDimension | None], OpenDimension | None]
+    description: str
+
+
+def _same(dimension: OpenDimension | None) -> OpenDimension | None:
+    return dimension
+
+
+def _mean_so_far(x: Array, _: float) -> Array:
+    return np.asarray(np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0), dtype=np.float64)
+
+
+def _holds(x: Array) -> NDArray[np.bool_]:
+    """Where a condition holds: what is outside a window, not a number, does not."""
+    holds: NDArray[np.bool_] = (x != 0) & ~np.isnan(x)
+    return holds
+
+
+def _total_so_far(x: Array, dt: float) -> Array:
+    total: Array = np.asarray(np.cumsum(np.nan_to_num(x), axis=0) * dt, dtype=np.float64)
+    return total
+
+
+def _held_so_far(x: Array, dt: float) -> Array:
+    held: Array = np.asarray(np.cumsum(_holds(x), axis=0) * dt, dtype=np.float64)
+    return held
+
+
+def _last_so_far(x: Array, _: float) -> Array:
+    """The last value that is a number."""
+    rows = np.arange(len(x)).reshape(-1, *(1,) * (x.ndim - 1))
+    latest = np.maximum.accumulate(np.where(np.isnan(x), 0, rows), axis=0)
+    return np.take_along_axis(x, np.broadcast_to(latest, x.shape), axis=0)
+
+
+def _first_so_far(x: Array, _: float) -> Array:
+    """The first value that is a number."""
+    if not len(x):
+        return x
+    first = np.argmax(~np.isnan(x), axis=0)
+    value = np.take_along_axis(x, np.expand_dims(first, 0), axis=0)
+    return np.where(np.arange(len(x)).reshape(-1, *(1,) * (x.ndim - 1)) >= first, value, np.nan)
+
+
+def _first_time(x: Array, dt: float) -> Array:
+    seen = np.maximum.accumulate(_holds(x), axis=0)
+    first = np.argmax(_holds(x), axis=0) if len(x) else 0
+    time: Array = np.where(seen, (first + 1) * dt, np.nan)
+    return time
+
+
+def _begun(x: Array) -> Array:
+    holds = _holds(x).astype(np.float64)
+    return np.maximum(np.diff(holds, prepend=0.0, axis=0), 0.0)
+
+
+REDUCTIONS: Mapping[str, Reduction] = {
+    "max": Reduction(lambda x, _: np.fmax.accumulate(x, axis=0), _same, "the largest value"),
+    "min": Reduction(lambda x, _: np.fmin.accumulate(x, axis=0), _same, "the smallest value"),
+    "mean": Reduction(_mean_so_far, _same, "the mean"),
+    "rms": Reduction(lambda x, dt: np.sqrt(_mean_so_far(np.square(x), dt)), _same, "the root mean square"),
+    "total": Reduction(_total_so_far, lambda d: d and d.times(SECOND), "the integral over time"),
+    "first": Reduction(_first_so_far, _same, "the first value"),
+    "last": Reduction(_last_so_far, _same, "the last value"),
+    "duration": Reduction(_held_so_far, lambda _: SECOND, "how long a condition held"),
+    "count": Reduction(
+        lambda x, _: np.cumsum(_begun(x), axis=0), lambda _: PLAIN, "how often a condition began to hold"
+    ),
+    "time_of": Reduction(_first_time, lambda _: SECOND, "when a condition held first"),
+}
+CONDITIONAL = frozenset({"duration", "count", "time_of"})
+
 
 Value: TypeAlias = "float | bool | None"
 
@@ -210,12 +304,18 @@ def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expr
             values |= {f"{name} low": ends[0], f"{name} high": ends[1]}
             beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
             return Call("max", (beyond, Number(0.0)))
-        case Call(function=function, arguments=arguments):
-            return Call(function, tuple(_with_bounds(each, track, values) for each in arguments))
-        case Binary(operator=joint, left=left, right=right):
-            return Binary(joint, _with_bounds(left, track, values), _with_bounds(right, track, values))
-        case Unary(operator=sign, operand=operand):
-            return Unary(sign, _with_bounds(operand, track, values))
+    return _mapped(tree, lambda each: _with_bounds(each, track, values))
+
+
+def _mapped(tree: Expression, change: Callable[[Expression], Expression]) -> Expression:
+    """The same expression with its operands changed."""
+    match tree:
+        case Call(arguments=arguments):
+            return replace(tree, arguments=tuple(change(each) for each in arguments))
+        case Binary(left=left, right=right):
+            return replace(tree, left=change(left), right=change(right))
+        case Unary(operand=operand):
+            return replace(tree, operand=change(operand))
     return tree
 
 
@@ -257,17 +357,10 @@ def _unit_like(dimension: Dimension, tree: Expression, units: Mapping[str, Unit]
 
 def _named(tree: Expression, references: dict[str, Call]) -> Expression:
     """Replace every reference by a name that is its text."""
-    match tree:
-        case Call(function=function) if function in REFERENCES:
-            references[str(tree)] = tree
-            return StandIn(str(tree), offset=tree.offset)
-        case Call(function=function, arguments=arguments):
-            return Call(function, tuple(_named(each, references) for each in arguments), offset=tree.offset)
-        case Binary(operator=joint, left=left, right=right):
-            return Binary(joint, _named(left, references), _named(right, references), offset=tree.offset)
-        case Unary(operator=sign, operand=operand):
-            return Unary(sign, _named(operand, references), offset=tree.offset)
-    return tree
+    if isinstance(tree, Call) and tree.function in REFERENCES:
+        references[str(tree)] = tree
+        return StandIn(str(tree), offset=tree.offset)
+    return _mapped(tree, lambda each: _named(each, references))
 
 
 class _Checker:
@@ -288,23 +381,13 @@ class _Checker:
             ExpressionError: A function has other arguments than it takes; says where.
         """
         match part:
-            case Call():
-                return self._call(part)
-            case Binary(operator=joint, left=left, right=right):
-                return Binary(joint, self.replaced(left), self.replaced(right), offset=part.offset)
-            case Unary(operator=sign, operand=operand):
-                return Unary(sign, self.replaced(operand), offset=part.offset)
-        return part
-
-    def _call(self, part: Call) -> Expression:
-        match part:
             case Call(function="outside"):
                 return self._outside(part)
             case Call(function="after" | "between"):
                 return self._window(part)
             case Call(function=function, arguments=(argument,)) if function in REDUCTIONS:
                 return self._reduction(part, argument)
-        return Call(part.function, tuple(self.replaced(each) for each in part.arguments), offset=part.offset)
+        return _mapped(part, self.replaced)
 
     def _outside(self, part: Call) -> Expression:
         arguments = part.arguments

@@ -13,13 +13,12 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Array, Controller
 from circuitkit.robots import Observer, RobotModel, Worlds
 from circuitkit.simulation.disturbance import Effects, Hook, RunSpec
-from circuitkit.simulation.measures import Judge
+from circuitkit.simulation.measures import Judge, Tracker
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.reference import Motion
-from circuitkit.simulation.tracking import Tracker
 
 _LOOK_EVERY = 20  # ticks between two looks at who has ended
-_AFTER_END = 60  # ticks that are still recorded once all have ended, so that films show what came of it
+_AFTER_END_S = 0.6  # is still recorded once all have ended, so that films show what came of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,6 +266,7 @@ class _Watch:
         # Where nothing but a loss ends a run, measures may wait, as long as the rows are kept.
         self._every = _LOOK_EVERY if setup.judge.until is not None else rows.length
         self._last = setup.ticks - 1
+        self._after = 0 if to_the_end else round(_AFTER_END_S / setup.step_s)
         self.still: NDArray[np.bool_] | None = None
 
     def is_over(self, tick: int) -> bool:
@@ -283,8 +283,7 @@ class _Watch:
             self.still = self._tracker.ended
             self._worlds.stop(self.still)
         if self._tracker.ended.all():
-            after = 0 if self._to_the_end else _AFTER_END
-            self._last = min(self._last, int(self._tracker.seen_tick.max()) + after)
+            self._last = min(self._last, int(self._tracker.seen_tick.max()) + self._after)
 
 
 def _do(hooks: Sequence[Hook], tick: int, what: Any) -> None:  # noqa: ANN401 - worlds or an array

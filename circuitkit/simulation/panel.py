@@ -6,18 +6,19 @@ from collections.abc import Mapping
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 
 from circuitkit.base.units import Unit
+from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Array
-from circuitkit.draw.lit import LitNetwork
-from circuitkit.draw.style import CYCLE, GREY, INK, PAPER
+from circuitkit.draw.lit import lit_network, node_columns
+from circuitkit.draw.network import Node, make_network
+from circuitkit.draw.style import CYCLE, GREY, INK, KIND_COLOUR, PAPER, ROLE_FILL
 from circuitkit.simulation.plots import channels_of_interest, shown_unit, values_of
-from circuitkit.simulation.result import Result
-from circuitkit.simulation.summary import RunSummary
+from circuitkit.simulation.result import Result, RunSummary
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
@@ -29,6 +30,9 @@ _NETWORK = (8, 24, 404, 162)  # left, top, width, height, [pixels]
 _CHART = (432.0, 26.0, 630.0, 192.0)  # left, top, right, bottom
 _TEXT, _SMALL_TEXT = 11.0, 9.5
 _RED = "#c8201a"
+_LEAST_LETTERS = 3.5  # of a network, in the film; with smaller ones there are cells in its place
+_CELL_HEIGHT = 12.4
+_INK_TURNS = 0.5  # from this activity on, words on a cell are white
 _SHOWN_S = 2.0
 _MOST_ROWS = 3
 
@@ -51,7 +55,11 @@ class Panel:
         left, top, width, height = _NETWORK
         self._at = (left * _FINE, top * _FINE)
         graph = recording.circuit
-        self._lit = None if graph is None else LitNetwork(graph, width * _FINE, height * _FINE)
+        self._lit = self._cells = None
+        if graph is not None:
+            self._columns = node_columns(graph, recording.trace_names)
+            self._lit = lit_network(graph, width * _FINE, height * _FINE, _LEAST_LETTERS * _FINE)
+            self._cells = _Cells(graph) if self._lit is None else None
         self._peaks = np.nanmax(np.abs(recording.trace[:, robot]), axis=0, initial=0.0)
         self._peaks = np.maximum(self._peaks, 1.0)
         names = (*recording.observation_names, *recording.command_names)
@@ -93,12 +101,18 @@ class Panel:
         pen = ImageDraw.Draw(image)
         _write(pen, (_NETWORK[0], 12.0), self._title, _TEXT, anchor="lm", bold=True)
         if self._lit is not None:
-            trace = self._recording.trace[tick, self._robot] / self._peaks
-            activity = dict(zip(self._recording.trace_names, map(float, trace), strict=True))
-            image.paste(Image.fromarray(self._lit.picture(activity)), self._at)
+            shares = {name: float(members.mean()) for name, members in self._activity(tick).items()}
+            image.paste(Image.fromarray(self._lit.picture(shares)), self._at)
             self._write_values(pen, tick)
+        if self._cells is not None:
+            self._cells.paint(pen, self._activity(tick))
         self._paint_chart(pen, tick)
         return image.reduce(_FINE)
+
+    def _activity(self, tick: int) -> dict[str, Array]:
+        """How active each node is, from 0 to 1; of a population each member."""
+        shares = np.clip(np.nan_to_num(self._recording.trace[tick, self._robot] / self._peaks), 0.0, 1.0)
+        return {name: shares[columns] for name, columns in self._columns.items()}
 
     def _write_values(self, pen: ImageDraw.ImageDraw, tick: int) -> None:
         """The value of every input and output below its box, where there is room."""
@@ -135,6 +149,64 @@ class Panel:
             points = [_fine(x, y) for x, y in zip(xs, ys, strict=True) if np.isfinite(y)]
             if len(points) > 1:
                 pen.line(points, fill=CYCLE[i % len(CYCLE)], width=2 * _FINE)
+
+
+class _Cells:
+    """The neurons of a circuit that is too large for a drawing: cells with names, dark where one is active.
+
+    They stand in the order of the file, those of an instance of a file below its name. The cell of a
+    population has a stripe for each member.
+    """
+
+    def __init__(self, graph: CircuitGraph) -> None:
+        left, top, width, height = _NETWORK
+        groups: dict[str, list[Node]] = {}
+        for node in make_network(graph).nodes:
+            if node.role in KIND_COLOUR:
+                groups.setdefault(node.group, []).append(node)
+        rows = int(height / _CELL_HEIGHT)
+        columns: list[list[Node | str]] = []
+        for name, nodes in groups.items():
+            block: list[Node | str] = [name, *nodes] if name else list(nodes)
+            if not columns or not name or len(columns[-1]) + len(block) > rows:
+                columns.append([])
+            columns[-1] += block
+        columns = [column[i : i + rows] for column in columns for i in range(0, len(column), rows)]
+        self._width = width / max(len(columns), 1)
+        self._placed = [
+            (each, left + i * self._width, top + k * _CELL_HEIGHT)
+            for i, column in enumerate(columns)
+            for k, each in enumerate(column)
+        ]
+
+    def paint(self, pen: ImageDraw.ImageDraw, activity: Mapping[str, Array]) -> None:
+        """Paint all cells under some activity by node, from 0 to 1, one value a member."""
+        for each, x, y in self._placed:
+            if isinstance(each, str):
+                self._name(pen, each, x, y, bold=True)
+                continue
+            members = activity.get(each.name, np.zeros(1))
+            stripes = np.array_split(members, min(len(members), int(self._width)))
+            wide = (self._width - 2) / len(stripes)
+            for i, stripe in enumerate(stripes):
+                colour = _between(ROLE_FILL[each.role], KIND_COLOUR[each.role], float(stripe.mean()))
+                low, high = _fine(x + i * wide, y + 0.5), _fine(x + (i + 1) * wide, y + _CELL_HEIGHT - 0.5)
+                pen.rectangle([low, high], fill=colour)
+            self._name(pen, each.lines[0], x, y, fill=PAPER if members.mean() > _INK_TURNS else INK)
+
+    def _name(self, pen: ImageDraw.ImageDraw, text: str, x: float, y: float, **style: Any) -> None:  # noqa: ANN401 - see `_write`
+        """As many of the letters as there is room for."""
+        room = (self._width - 4) * _FINE
+        while text and pen.textlength(text, font=font(_SMALL_TEXT * _FINE)) > room:
+            text = text[:-1]
+        _write(pen, (x + 2, y + _CELL_HEIGHT / 2), text, _SMALL_TEXT, anchor="lm", **style)
+
+
+def _between(pale: str, dark: str, share: float) -> tuple[int, int, int]:
+    """A colour between two of the form `#rrggbb`: the first for a share of 0, the other one for 1."""
+    ends = ((int(pale[i : i + 2], 16), int(dark[i : i + 2], 16)) for i in (1, 3, 5))
+    red, green, blue = (round(low + share * (high - low)) for low, high in ends)
+    return red, green, blue
 
 
 class _Row:

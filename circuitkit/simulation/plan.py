@@ -12,6 +12,7 @@ from typing import Any
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError
 from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph, load_circuit
+from circuitkit.circuit.silencing import silence
 from circuitkit.control import (
     CircuitController,
     Controller,
@@ -22,7 +23,7 @@ from circuitkit.control import (
 )
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
 from circuitkit.robots.worlds import substeps_of
-from circuitkit.simulation.disturbance import RunSpec, draw_effects
+from circuitkit.simulation.disturbance import Disturbance, RunSpec, draw_effects
 from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
 from circuitkit.simulation.measures import Judge, located
@@ -137,70 +138,8 @@ class Plan:
             return OpenLoop()
         if name == CIRCUIT:
             if self.circuits.used is None:
-                message = (
-                    f"the scenario '{self.scenario.scenario}' names no circuit; allowed: circuit: NAME in "
-                    "its "
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    ""
-                    "file"
-                )
+                named = self.scenario.scenario
+                message = f"the scenario '{named}' names no circuit; allowed: circuit: NAME in its file"
                 raise InputError(Problem("", 0, 0, "controller", message))
             connect = self.scenario.connect.model_dump()
             return CircuitController(self.circuits.used, connect=connect, backend=self.backend)
@@ -223,7 +162,7 @@ class Plan:
             kinds = tuple(kind.bind(self) for kind in self.scenario.measure_kinds)
         channels = self.body.plant.channels
         ranges = {name: channel.range for name, channel in channels.items() if channel.range is not None}
-        units = measurable(self.body)
+        units = measurable(self.body.plant, self.body.motion)
         bounded = {*ranges, *(name for name in units if any(k.bounds_known(name) for k in kinds))}
         formulas = {
             name: _formula(self.scenario, ("measures", name), text, units, bounded)
@@ -244,7 +183,7 @@ class Plan:
             specs: One for each robot.
 
         Raises:
-            InputError: A disturbance names what is not there.
+            InputError: A disturbance names what is not there, or the robots differ in one that befalls all.
         """
         body = self.body
         with self.scenario.located("disturbances"):
@@ -252,8 +191,11 @@ class Plan:
                 specs, body.robot, self.reference, body.ticks, body.step_s,
                 controller.observations, controller.commands,
             )  # fmt: skip
+        plant = body.plant
+        if _changing(specs[0].disturbances) != _changing(self.scenario.befalling):
+            plant = _plant(self.scenario, body.robot, body.motion, specs[0].disturbances)
         return Setup(
-            robot=body.plant, motion=body.motion, controller=controller, circuit=self.circuits.used,
+            robot=plant, motion=body.motion, controller=controller, circuit=self.circuits.used,
             specs=tuple(specs), effects=effects, judge=self.judge, step_s=body.step_s, ticks=body.ticks,
         )  # fmt: skip
 
@@ -271,10 +213,10 @@ def _formula(
         raise located(error, lambda message, offset: scenario.problem_in(*place, message, offset)) from error
 
 
-def measurable(body: Body) -> dict[str, Unit]:
+def measurable(robot: RobotModel, motion: Motion) -> dict[str, Unit]:
     """Everything that measures may name, with its unit."""
-    planned = {name: channel.unit for name, channel in body.motion.planned.items()}
-    return {**planned, **body.plant.command_units, **body.plant.channel_units}
+    planned = {name: channel.unit for name, channel in motion.planned.items()}
+    return {**planned, **robot.command_units, **robot.channel_units}
 
 
 def make_plan(
@@ -309,8 +251,6 @@ def load_circuits(
     Raises:
         InputError: A file is wrong or missing, or what is silenced is not there.
     """
-    from circuitkit.circuit.silencing import silence  # most scenarios silence nothing
-
     chosen = scenario.circuit if circuit is None else circuit
     if chosen is None:
         return Circuits()
@@ -341,9 +281,8 @@ def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | 
         InputError: A file is wrong or missing.
         SimulationError: The robot cannot do what the reference wants.
     """
-    robot_file = robot_of(scenario)
     with scenario.located("robot"):
-        robot = build_model(robot_file)
+        robot = build_model(robot_of(scenario))
     step_s = control_step(scenario, reference, circuit)
     ticks = round(scenario.duration / step_s)
     with scenario.located("duration"):
@@ -354,7 +293,7 @@ def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | 
         substeps_of(robot, step_s)
     with scenario.located("reference"):
         motion = reference.motion(robot, ticks, step_s)
-    return Body(robot, _plant(scenario, robot_file, robot, motion), motion, step_s, ticks)
+    return Body(robot, _plant(scenario, robot, motion, scenario.befalling), motion, step_s, ticks)
 
 
 def robot_of(scenario: Scenario) -> Robot:
@@ -370,10 +309,16 @@ def robot_of(scenario: Scenario) -> Robot:
         return found.with_servos(scenario.servo_profile)
 
 
-def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -> RobotModel:
+def _changing(disturbances: Sequence[Disturbance]) -> list[Disturbance]:
+    """Those that change the model."""
+    return [each for each in disturbances if each.changes_model]
+
+
+def _plant(
+    scenario: Scenario, robot: RobotModel, motion: Motion, disturbances: Sequence[Disturbance]
+) -> RobotModel:
     """The robot as it is simulated: with changed bodies, and the sensors that measures ask for themselves."""
-    changes = [(k, each) for k, each in enumerate(scenario.befalling) if each.changes_model]
-    units = measurable(Body(robot, robot, motion, 1.0, 1))
+    units = measurable(robot, motion)
     calls: dict[str, Any] = {}
     for key, name, text in [
         ("until", "", scenario.until or ""),
@@ -384,18 +329,24 @@ def _plant(scenario: Scenario, file: Robot, robot: RobotModel, motion: Motion) -
             formula = _formula(scenario, (key, name), text, units, every)
             complain = partial(scenario.problem_in, key, name)
             calls = {str(call): (call, complain) for call in formula.references} | calls
-    if not changes and not calls:
+    if not _changing(disturbances) and not calls:
         return robot
-    made = build_model(file, (), calls)
-    for k, each in changes:
+    made = build_model(robot.robot, (), calls)
+    for k, each in enumerate(disturbances):
         place = f"disturbances[{k}].{each.kind}"
-        with scenario.located(place):
-            try:
-                each.change(made)
-            except InputError as error:
-                within = (replace(p, where=f"{place}.{p.where}".rstrip(".")) for p in error.problems)
-                raise InputError(*within) from error
+        if each.changes_model:
+            with scenario.located(place):
+                _change(each, made, place)
     return made
+
+
+def _change(disturbance: Disturbance, robot: RobotModel, place: str) -> None:
+    """Change the model; complaints are about a place within that of the disturbance."""
+    try:
+        disturbance.change(robot)
+    except InputError as error:
+        within = (replace(p, where=f"{place}.{p.where}".rstrip(".")) for p in error.problems)
+        raise InputError(*within) from error
 
 
 def control_step(scenario: Scenario, reference: Reference, circuit: CircuitGraph | None) -> float:

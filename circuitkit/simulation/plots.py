@@ -27,8 +27,8 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.draw.traces import Activity, Line, Panel, Span, traces_figure
-from circuitkit.simulation.result import Result
-from circuitkit.simulation.summary import RunSummary, summarise
+from circuitkit.robots.model import MobileBase
+from circuitkit.simulation.result import Result, RunSummary, summarise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,6 @@ _SHOWN_IN = {"m": "mm", "m/s": "mm/s"}  # where the values are small
 _SMALL = 0.3  # up to which values are
 _PATH_IN = 4.2  # longer side of the picture of a path
 _NARROWEST = 0.45  # shorter side of it, at least, as a share of the longer one
-_ALONG = 0.9  # cosine to an axis from which on a slide goes along it
 _BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 _ROUND = frozenset(
     map(int, (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE))
@@ -308,21 +307,10 @@ def shown_unit(values: Array, unit: Unit) -> tuple[float, str]:
 
 def _way(result: Result) -> Array | None:
     """Where the robot's base went, forward and left; shape (T, 2). None of a robot that cannot go about."""
-    recording, ticks = result.recording, len(_time(result))
-    model = recording.robot.model
-    if recording.robot.base is not None:
-        place = int(model.jnt_qposadr[recording.robot.base])
-        return recording.qpos[:ticks, 0, place : place + 2]
-    places: dict[int, int] = {}
-    for joint in range(model.njnt):
-        on_ground = int(model.body_parentid[model.jnt_bodyid[joint]]) == 0
-        slides = int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
-        axis = np.abs(model.jnt_axis[joint])
-        if on_ground and slides and axis[:2].max() > _ALONG:
-            places[int(axis[:2].argmax())] = int(model.jnt_qposadr[joint])
+    places = MobileBase(result.recording.robot).places
     if places.keys() != {0, 1}:
         return None
-    return recording.qpos[:ticks, 0][:, [places[0], places[1]]]
+    return result.recording.qpos[: len(_time(result)), 0][:, [places[0], places[1]]]
 
 
 def _obstacles(result: Result) -> Iterator[tuple[int, Array, Array]]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from circuitkit.base.errors import MissingDependencyError
+from circuitkit.base.errors import MissingDependencyError, UnknownNameError
 from circuitkit.base.files import write_text
 from circuitkit.base.netcdf import write_netcdf
 from circuitkit.base.units import Unit, parse_unit
@@ -20,6 +20,7 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.expressions.dimensions import named_symbol
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
+from circuitkit.robots.mjcf import HINGE, SLIDE
 from circuitkit.simulation.disturbance import Effects, RunSpec
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.measures import Judge
@@ -52,6 +53,7 @@ class Recording:
         measures: The measures of each robot.
         end_tick: In which tick `until` ended it; -1 if it did not; shape (B,).
         interrupted: Whether the run was stopped before its end.
+        lost: Whose simulation became unstable, which ended it; shape (B,).
     """
 
     robot: RobotModel
@@ -102,7 +104,14 @@ class Recording:
         return Observer(self.robot.channels, [name])(self.readings)[..., 0]
 
     def command(self, name: str) -> Array:
-        """What the controller wrote; shape (T, B), SI unit."""
+        """What the controller wrote; shape (T, B), SI unit.
+
+        Raises:
+            UnknownNameError: It writes no such command; lists those that it writes.
+        """
+        if name not in self.command_names:
+            kind = "command of the controller"
+            raise UnknownNameError(kind, name, self.command_names)
         return self.commands[..., self.command_names.index(name)]
 
     @cached_property
@@ -112,8 +121,8 @@ class Recording:
         found = {}
         for i in range(model.njnt):
             kind, name = int(model.jnt_type[i]), model.joint(i).name
-            if kind in {2, 3} and name:
-                found[name] = (int(model.jnt_qposadr[i]), parse_unit("rad" if kind == 3 else "m"))  # noqa: PLR2004 - hinge
+            if kind in {HINGE, SLIDE} and name:
+                found[name] = (int(model.jnt_qposadr[i]), parse_unit("rad" if kind == HINGE else "m"))
         return found
 
     def columns(self, robot: int = 0) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""What `simulate` gives back: a recording, and what it was judged to be."""
+"""What `simulate` gives back: a recording, what it was judged to be, and what plots and films tell of it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from circuitkit.base.units import Unit
+from circuitkit.control import Array
+from circuitkit.simulation.disturbance import BodyForce
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.recording import Recording
@@ -97,3 +102,148 @@ class Result:
             "notes": list(self.notes),
             "recording": None if self.path is None else str(self.path),
         }
+
+
+_BEFORE_PUSH_S, _AFTER_PUSH_S = 2.0, 4.0
+_AFTER_END_S = 0.15
+_SHORTEST_ARROW_S = 0.2
+
+
+@dataclass(frozen=True)
+class PushSpan:
+    """A push as it was applied.
+
+    Attributes:
+        body: Number of the body in the robot's model.
+        start_s: Its beginning.
+        end_s: Its end.
+        force: Largest force in it, world frame; shape (3,), [N].
+        point_m: Where it acts, from the body's centre of mass; shape (3,).
+        turns: Whether that point turns with the body; else it lies along the world's axes.
+    """
+
+    body: int
+    start_s: float
+    end_s: float
+    force: Array
+    point_m: Array
+    turns: bool = False
+
+    @property
+    def size_n(self) -> float:
+        """Its size."""
+        return float(np.linalg.norm(self.force))
+
+    def shown_at(self, time_s: float) -> bool:
+        """Whether its arrow is shown at a time; a push too short to be seen is shown for longer."""
+        return self.start_s <= time_s < max(self.end_s, self.start_s + _SHORTEST_ARROW_S)
+
+    @property
+    def text(self) -> str:
+        """In words, such as `20 N to the left`."""
+        axis = int(np.argmax(np.abs(self.force)))
+        words = (("forward", "backward"), ("to the left", "to the right"), ("upward", "downward"))[axis]
+        return f"{self.size_n:.3g} N {words[int(self.force[axis] < 0)]}"
+
+
+@dataclass(frozen=True, eq=False)
+class RunSummary:
+    """One robot's run; T ticks, row t is the end of tick t.
+
+    Attributes:
+        scenario: Name of the scenario.
+        controller: Name of the controller.
+        outcome: How it ended, in words.
+        step_s: The control step.
+        time_s: Shape (T,).
+        missing: Whether the controller lacked a reading; shape (T,).
+        pushes: In the order of their beginning.
+        spans: Further disturbances: what, from when, to when, [s].
+        ended_s: When `until` ended it; None if it did not.
+        good: Whether the robot got through.
+    """
+
+    scenario: str
+    controller: str
+    outcome: str
+    step_s: float
+    time_s: Array
+    missing: NDArray[np.bool_]
+    pushes: tuple[PushSpan, ...]
+    spans: tuple[tuple[str, float, float], ...]
+    ended_s: float | None
+    good: bool
+
+    @property
+    def title(self) -> str:
+        """Controller and outcome."""
+        return f"{self.controller}: {self.outcome}"
+
+    @property
+    def end_s(self) -> float:
+        """When the recording ends, or a moment after the run did."""
+        last = float(self.time_s[-1])
+        return last if self.ended_s is None else min(last, self.ended_s + _AFTER_END_S)
+
+    @property
+    def window_s(self) -> tuple[float, float]:
+        """The time around the first push that is worth a closer look; without a push, all of it."""
+        if not self.pushes:
+            return 0.0, self.end_s
+        start = self.pushes[0].start_s
+        return max(start - _BEFORE_PUSH_S, 0.0), min(start + _AFTER_PUSH_S, self.end_s)
+
+    def before_end(self) -> NDArray[np.bool_]:
+        """Ticks up to the end; shape (T,)."""
+        return self.time_s <= (np.inf if self.ended_s is None else self.ended_s)
+
+    def pushed(self) -> NDArray[np.bool_]:
+        """Ticks from the first push on; shape (T,)."""
+        if not self.pushes:
+            return np.zeros(len(self.time_s), dtype=bool)
+        return self.time_s >= self.pushes[0].start_s
+
+
+def summarise(result: Result, robot: int = 0) -> RunSummary:
+    """The summary of one robot of a result; its recording has at least one tick."""
+    recording = result.recording
+    missing: NDArray[np.bool_] = np.any(~np.isfinite(recording.observations[:, robot]), axis=1)
+    last = float(recording.time_s[-1])
+    spans = [(text, begin, min(end, last)) for text, begin, end in recording.effects.spans if begin < last]
+    return RunSummary(
+        scenario=result.scenario.scenario,
+        controller=recording.controller,
+        outcome=result.outcome,
+        step_s=recording.step_s,
+        time_s=recording.time_s,
+        missing=missing,
+        pushes=find_pushes(recording, robot),
+        spans=tuple(spans),
+        ended_s=recording.ended_s(robot),
+        good=result.survived,
+    )
+
+
+def find_pushes(recording: Recording, robot: int) -> tuple[PushSpan, ...]:
+    """The pushes on one robot that began before the end of the recording."""
+    found = []
+    for push in recording.effects.forces:
+        forces = push.forces[:, robot]
+        active = np.concatenate([[False], np.linalg.norm(forces, axis=1) > 0, [False]])
+        edges = np.flatnonzero(active[1:] != active[:-1])
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            if push.first_tick + begin < recording.ticks:
+                found.append(_span(push, robot, int(begin), int(end), recording.step_s))
+    return tuple(sorted(found, key=lambda span: span.start_s))
+
+
+def _span(push: BodyForce, robot: int, begin: int, end: int, step_s: float) -> PushSpan:
+    forces = push.forces[begin:end, robot]
+    size = np.linalg.norm(forces, axis=1)
+    share = size / size.max()  # of its first and last tick a push may cover a part
+    start_s = (push.first_tick + begin + 1 - share[0]) * step_s
+    end_s = start_s + share.sum() * step_s
+    return PushSpan(
+        push.body, float(start_s), float(end_s), forces[np.argmax(size)],
+        push.point_m[robot], bool(push.turns[robot]),
+    )  # fmt: skip

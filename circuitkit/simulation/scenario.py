@@ -32,7 +32,7 @@ from circuitkit.base.source import (
     validate_model,
 )
 from circuitkit.base.source.fields import Seconds
-from circuitkit.base.units import parse_quantity
+from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.circuit import CircuitGraph
 from circuitkit.robots import Robot
 from circuitkit.simulation.disturbance import Disturbance, item_class
@@ -354,10 +354,7 @@ def parse_push(text: str, scenario: Scenario) -> Push:
             quantity = parse_quantity(part)
         except UnitError as error:
             raise InputError(Problem("", 0, 0, f"--push: {key}", str(error))) from error
-        if (
-            quantity.dimension.si_symbol != parse_quantity(f"1 {unit}").dimension.si_symbol
-            or quantity.value_si <= 0
-        ):
+        if quantity.dimension != parse_unit(unit).dimension or quantity.value_si <= 0:
             message = f"found '{part}'; allowed: more than 0, in a unit like {unit}"
             raise InputError(Problem("", 0, 0, f"--push: {key}", message))
         values.append(quantity.value_si)

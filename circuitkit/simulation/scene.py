@@ -12,7 +12,7 @@ from circuitkit.robots import RobotModel
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.renderer import Screen
-from circuitkit.simulation.summary import PushSpan
+from circuitkit.simulation.result import PushSpan
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -130,6 +130,7 @@ class ReplayModel:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)  # which cameras follow
         mujoco.mj_camlight(self.model, self.data)
+        mujoco.mj_flex(self.model, self.data)
         mujoco.mj_tendon(self.model, self.data)
 
     def last_above_ground(self, tick: int) -> int:
@@ -152,7 +153,9 @@ class ReplayModel:
         """Tail and tip of a push's arrow: it points at where the push acts and ends on the surface."""
         direction = push.force / push.size_n
         far = _FAR_SIZES * self.size_m
-        start = self.data.xipos[self._bodies[push.body]] + push.point_m - far * direction
+        body = self._bodies[push.body]
+        point = self.data.xmat[body].reshape(3, 3) @ push.point_m if push.turns else push.point_m
+        start = self.data.xipos[body] + point - far * direction
         hit = np.zeros(1, dtype=np.int32)
         away = mujoco.mj_ray(self.model, self.data, start, direction, None, 0, -1, hit)
         tip: Array = start + (away if 0 <= away <= far else far) * direction

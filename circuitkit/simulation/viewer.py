@@ -7,12 +7,11 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from circuitkit.base.errors import CircuitkitError
-
-if TYPE_CHECKING:
-    from circuitkit.simulation.result import Result
+from circuitkit.simulation.result import Result, summarise
+from circuitkit.simulation.scene import ReplayModel, add_arrow, place_camera
 
 _PICTURES_PER_S = 60.0
 _PAUSE_S = 1.0  # before it begins anew
@@ -34,8 +33,6 @@ def watch(result: Result) -> None:
     _require_display()
     import mujoco.viewer  # opens the window system
 
-    from circuitkit.simulation.scene import ReplayModel  # which finds a renderer
-
     replayed = ReplayModel(result.recording)
     replayed.stand(0)
     try:
@@ -51,7 +48,7 @@ def watch(result: Result) -> None:
 
 def replay(
     result: Result,
-    replayed: Any,  # noqa: ANN401 - a ReplayModel; its module loads MuJoCo
+    replayed: ReplayModel,
     window: Any,  # noqa: ANN401 - MuJoCo's handle is not typed
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], object] = time.sleep,
@@ -65,9 +62,6 @@ def replay(
         clock: Time, [s].
         sleep: Waits for so long, [s].
     """
-    from circuitkit.simulation.scene import add_arrow, place_camera  # which finds a renderer
-    from circuitkit.simulation.summary import summarise  # as above
-
     summary = summarise(result)
     start = clock()
     with window.lock():

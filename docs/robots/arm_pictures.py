@@ -18,7 +18,7 @@ from circuitkit.simulation.disturbances.jitter import Jitter
 from circuitkit.simulation.renderer import Screen
 
 if TYPE_CHECKING:
-    from circuitkit import Recording, Result
+    from circuitkit.simulation import Recording, Result
 
 Array = NDArray[np.float64]
 

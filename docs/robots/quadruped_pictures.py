@@ -16,7 +16,7 @@ from circuitkit.simulation.renderer import Screen
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from circuitkit import Result
+    from circuitkit.simulation import Result
 
 Array = NDArray[np.float64]
 

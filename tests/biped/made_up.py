@@ -17,8 +17,7 @@ from circuitkit.simulation import Motion, Recording, Reference, RunSpec
 from circuitkit.simulation.disturbance import draw_effects
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.formulas import parse_measure
-from circuitkit.simulation.measures import Judge
-from circuitkit.simulation.tracking import Tracker
+from circuitkit.simulation.measures import Judge, Tracker
 
 WEIGHT_N = 50.0
 _OUTERMOST_M = 0.0799  # LFsrFL from the middle between the feet, and RFsrFR on the other side

@@ -25,8 +25,7 @@ from circuitkit.simulation import make_plan
 from circuitkit.simulation.disturbances.jitter import Jitter
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.plots import draw_comparison, draw_result
-from circuitkit.simulation.result import Result
-from circuitkit.simulation.summary import summarise
+from circuitkit.simulation.result import Result, summarise
 
 TICK_S = 0.01
 # The sole reaches 50.0 mm outwards and 38.8 mm inwards of the ankle (B-Human); ankles are at 50 and -50 mm.

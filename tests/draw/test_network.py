@@ -14,8 +14,7 @@ from circuitkit.base.source import shipped_names
 from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.circuit.graph import Projection
 from circuitkit.draw import draw_circuit
-from circuitkit.draw.network import make_network
-from circuitkit.draw.wording import rule_text
+from circuitkit.draw.network import make_network, rule_text
 
 HEAD = "circuit: c\ncontrol_step: 10 ms\ntiming: ordered\n"
 RING = (

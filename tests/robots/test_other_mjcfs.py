@@ -7,9 +7,11 @@ import logging
 import mujoco
 import numpy as np
 import pytest
+from small_robots import Told, run
 
 from circuitkit.base.errors import InputError
 from circuitkit.robots import Worlds, build_model, load_robot
+from circuitkit.robots.model import MobileBase
 from circuitkit.robots.starter import write_robot_starter
 from circuitkit.simulation import simulate
 
@@ -282,3 +284,118 @@ def test_a_channel_of_a_joints_name_is_recorded_as_what_it_is(tmp_path):
     (tmp_path / "robot.yaml").write_text(robot, encoding="utf-8")
     columns = simulate(tmp_path / "scenario.yaml").recording.columns()
     np.testing.assert_allclose(columns["elbow_rad"][0], 1.0, atol=0.01)
+
+
+# --- soft things, cables, closed loops ----------------------------------------------------------------------
+
+ARM = """
+    <body name="arm" pos="0 0 2"><joint name="j" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 .2 0 0" size=".02" mass=".2"/></body>
+"""
+SOFT = f"""
+<mujoco>
+  <option timestep="0.001" solver="CG"/>
+  <worldbody>{ARM}
+    <flexcomp name="cube" type="grid" count="3 3 3" spacing=".05 .05 .05" dim="3" radius=".005" mass=".5">
+      <contact selfcollide="none"/><elasticity young="1e4" poisson="0.1" damping="0.01"/>
+    </flexcomp>
+  </worldbody>
+  <actuator><motor name="m" joint="j"/></actuator>
+</mujoco>
+"""
+ROPE = """
+<mujoco>
+  <option timestep="0.001" integrator="discrete"/>
+  <worldbody>
+    <body name="cart"><joint name="slide" type="slide" axis="1 0 0"/><geom size=".03" mass="1"/>
+      <flexcomp name="rope" type="grid" count="10 1 1" spacing=".05 .05 .05" dim="1" radius=".005" mass=".1">
+        <elasticity young="1e6" damping="0.01"/><pin id="0"/></flexcomp></body>
+  </worldbody>
+  <actuator><motor name="m" joint="slide"/></actuator>
+</mujoco>
+"""
+CABLE = """
+<mujoco>
+  <extension><plugin plugin="mujoco.elasticity.cable"/></extension>
+  <worldbody><geom size=".1"/></worldbody>
+</mujoco>
+"""
+COMPOSITE = """
+<mujoco>
+  <worldbody>
+    <composite type="cable" curve="s" count="9 1 1" size=".5"><geom size=".005"/></composite>
+  </worldbody>
+</mujoco>
+"""
+# A crank of 0.1 m turns, and a rod of 0.3 m moves a slider: the loop is closed by an equality.
+CRANK = """
+<mujoco>
+  <option timestep="0.001" integrator="implicitfast"/>
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="crank"><joint name="crank" axis="0 1 0" damping=".05"/>
+      <geom type="capsule" fromto="0 0 0 .1 0 0" size=".01"/>
+      <body name="rod" pos=".1 0 0"><joint name="rod" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 .3 0 0" size=".01"/></body></body>
+    <body name="slider" pos=".4 0 0"><joint name="slide" type="slide" axis="1 0 0"/>
+      <geom type="box" size=".03 .03 .03"/></body>
+  </worldbody>
+  <equality><connect body1="rod" body2="slider" anchor=".3 0 0"/></equality>
+  <actuator><velocity name="turn" joint="crank" kv="2"/></actuator>
+</mujoco>
+"""
+
+
+def begun(folder, mjcf):
+    """A robot by the file that `init --robot` writes for an MJCF."""
+    (folder / "model.xml").write_text(mjcf, encoding="utf-8")
+    return load_robot(write_robot_starter(folder / "model.xml", folder / "robot.yaml"))
+
+
+def test_a_soft_body_falls_and_its_vertices_are_comments(tmp_path):
+    robot = begun(tmp_path, SOFT)
+    text = (tmp_path / "robot.yaml").read_text(encoding="utf-8")
+    assert list(robot.channels) == ["j", "j_rate"] + [
+        f"arm_{x}" for x in ("x", "y", "z", "vx", "upright", "yaw")
+    ]
+    assert text.count("is: joint(") == 1 + 3 * 27
+    recording = run(robot, Told(m=0.0), duration_s=0.4)
+    heights = [place for name, (place, _) in recording.joints.items() if name != "j"][2::3]
+    fallen = recording.qpos[-1, 0, heights].mean()
+    assert fallen == pytest.approx(-9.81 / 2 * 0.4**2, rel=0.01)
+    assert MobileBase(recording.robot).places == {}
+
+
+def test_a_rope_hangs_from_a_cart_that_moves(tmp_path):
+    """Cart and rope weigh 1.1 kg: a constant force moves their common centre of mass."""
+    robot = begun(tmp_path, ROPE)
+    assert "slide" in robot.channels
+    recording = run(robot, Told(m=1.1), duration_s=0.5)
+    assert not recording.lost[0]
+    data = mujoco.MjData(recording.robot.model)
+    data.qpos[:] = recording.qpos[-1, 0]
+    mujoco.mj_kinematics(recording.robot.model, data)
+    mujoco.mj_comPos(recording.robot.model, data)
+    start = mujoco.MjData(recording.robot.model)
+    mujoco.mj_kinematics(recording.robot.model, start)
+    mujoco.mj_comPos(recording.robot.model, start)
+    moved = data.subtree_com[0, 0] - start.subtree_com[0, 0]
+    assert moved == pytest.approx(1.0 / 2 * 0.5**2, rel=0.02)
+
+
+@pytest.mark.parametrize("mjcf", [CABLE, COMPOSITE])
+def test_what_mujoco_no_longer_has_is_named(tmp_path, mjcf):
+    with pytest.raises(InputError) as caught:
+        begun(tmp_path, mjcf)
+    (problem,) = caught.value.problems
+    assert problem.message.startswith(f"MuJoCo {mujoco.__version__} cannot read it: XML Error: ")
+    assert "'composite'" in problem.message or "mujoco.elasticity.cable" in problem.message
+    assert problem.hint == "MuJoCo 4 has neither; a flexcomp with <elasticity> takes their place"
+
+
+def test_a_loop_that_an_equality_closes_stays_closed(tmp_path):
+    recording = run(begun(tmp_path, CRANK), Told(turn=4.0), duration_s=1.0)
+    angle, place = recording.channel("crank")[:, 0], recording.channel("slide")[:, 0]
+    assert angle[-1] > np.pi
+    closed = 0.1 * np.cos(angle) + np.sqrt(0.3**2 - (0.1 * np.sin(angle)) ** 2) - 0.4
+    np.testing.assert_allclose(place, closed, atol=2e-3)

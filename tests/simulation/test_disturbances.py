@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from small_robots import CART, CART_FILE, PUCK, PUCK_FILE, Told, run, small_robot
 
 from circuitkit.base.errors import InputError
+from circuitkit.simulation import RunSpec, Scenario, make_plan
 from circuitkit.simulation.disturbances.actuator import Actuator
 from circuitkit.simulation.disturbances.body import Body
 from circuitkit.simulation.disturbances.current import Current
@@ -21,6 +22,7 @@ from circuitkit.simulation.disturbances.move import Move
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.disturbances.slope import Slope
+from circuitkit.simulation.loop import run_loop
 
 GRAVITY = 9.81
 INERTIA = 2 / 3 * np.array([0.2**2 + 0.05**2, 0.1**2 + 0.05**2, 0.1**2 + 0.2**2])  # of a box of 2 kg
@@ -89,12 +91,53 @@ def test_a_push_at_a_point_turns_by_r_times_f(puck, at, direction):
 
 
 def test_a_height_is_a_point_above(puck):
+    """As long as the body is upright: the point of `at` turns with it, that of `height` does not."""
     pushes = [
-        Push(body="puck", force=2.0, direction="left", duration=0.1, start=0.1, **where)
+        Push(body="puck", force=2.0, direction="left", duration=0.01, start=0.1, **where)
         for where in ({"height": 0.03}, {"at": (0.0, 0.0, 0.03)})
     ]
     one, two = (run(puck, disturbances=[push]) for push in pushes)
+    assert np.abs(spin(one)).max() > 1e-3
     np.testing.assert_array_equal(one.qpos, two.qpos)
+
+
+def turned(folder, degrees):
+    """The puck, turned to the left."""
+    body = f'<body name="puck" euler="0 0 {degrees}">'
+    return small_robot(folder, PUCK.replace('<body name="puck">', body), **PUCK_FILE)
+
+
+@pytest.mark.parametrize("degrees", [90.0, 210.0])
+def test_a_point_is_one_of_the_body_however_it_stands(tmp_path, degrees):
+    """In the body's frame r = (0.1, 0.05, 0) and F goes up, so w = (r x F) t / I there."""
+    push = Push(body="puck", force=0.2, direction="up", duration=0.02, at=(0.1, 0.05, 0.0), start=0.0)
+    recording = run(turned(tmp_path, degrees), disturbances=[push], duration_s=0.03)
+    own = np.array([0.05, -0.1, 0.0]) * 0.2 * 0.02 / INERTIA
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    expected = [c * own[0] - s * own[1], s * own[0] + c * own[1], 0.0]
+    np.testing.assert_allclose(spin(recording), expected, rtol=1e-3, atol=1e-5)
+
+
+def test_a_body_that_is_pulled_at_a_point_swings_like_a_pendulum(tmp_path):
+    """I a'' = -F r sin a about its centre of mass: after half a period it is turned to the other side."""
+    pull, away, angle = 2.0, 0.1, 10.0
+    period = 2 * math.pi * math.sqrt(INERTIA[2] / (pull * away)) * (1 + math.radians(angle) ** 2 / 16)
+    push = Push(body="puck", force=pull, direction="forward", duration=9.0, at=(away, 0, 0), start=0.0)
+    recordings = [
+        run(
+            turned(tmp_path / "one", angle),
+            disturbances=[push],
+            step_s=0.002,
+            duration_s=period / 2,
+            seeds=seeds,
+        )
+        for seeds in ((0,), (3, 4))
+    ]
+    w, x, y, z = recordings[0].qpos[-1, 0, 3:]
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    assert math.degrees(yaw) == pytest.approx(-angle, rel=0.01)
+    assert spin(recordings[0])[2] == pytest.approx(0.0, abs=0.01)
+    np.testing.assert_array_equal(recordings[1].qpos[:, 1], recordings[0].qpos[:, 0])
 
 
 def test_a_torque_turns_about_its_direction_and_moves_nothing(puck):
@@ -317,6 +360,33 @@ def test_a_body_has_another_mass(puck, change, mass):
     push = Push(body="puck", force=4.0, direction="forward", duration=0.1, start=0.0)
     recording = run(puck, disturbances=[change, push])
     np.testing.assert_allclose(velocity(recording), [0.4 / mass, 0, 0], rtol=1e-6, atol=1e-12)
+
+
+def pushed_puck(puck, *disturbances):
+    """A plan whose file has these disturbances."""
+    scenario = Scenario(
+        robot=puck, controller=Told(), control_step=0.01, duration=0.2, disturbances=disturbances
+    )
+    return make_plan(scenario)
+
+
+@pytest.mark.parametrize(
+    ("filed", "own", "mass"),
+    [([], [Body(mass=2.0)], 4.0), ([Body(mass=2.0)], [], 2.0), ([Body(mass=2.0)], [Body(mass=0.5)], 1.0)],
+)
+def test_the_run_says_what_befalls_the_model_whatever_the_file_of_its_plan_says(puck, filed, own, mass):
+    push = Push(body="puck", force=4.0, direction="forward", duration=0.1, start=0.0)
+    plan = pushed_puck(puck, push, *filed)
+    recording = run_loop(plan.setup(plan.controller(), [RunSpec(0, (push, *own))]))
+    assert recording.robot.mass_kg == mass
+    np.testing.assert_allclose(velocity(recording), [0.4 / mass, 0, 0], rtol=1e-6, atol=1e-12)
+
+
+def test_robots_of_one_batch_differ_in_pushes_only(puck):
+    plan = pushed_puck(puck)
+    specs = [RunSpec(0, (Body(mass=2.0), Slope())), RunSpec(1, (Body(mass=3.0), Slope()))]
+    with pytest.raises(InputError, match="robots of one batch differ in body; allowed: in push only"):
+        plan.setup(plan.controller(), specs)
 
 
 BLOCK = """

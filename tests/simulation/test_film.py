@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 from walking import a_push, nao_body, scenario, walk_alone
 
+from circuitkit import parse_circuit
 from circuitkit.base.errors import MissingDependencyError
 from circuitkit.simulation import make_plan
 from circuitkit.simulation import renderer as renderers
 from circuitkit.simulation.film import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, frame_count
 from circuitkit.simulation.panel import Panel
 from circuitkit.simulation.renderer import RendererError
-from circuitkit.simulation.result import Result
+from circuitkit.simulation.result import PushSpan, Result, summarise
 from circuitkit.simulation.scene import ReplayModel, film_model
-from circuitkit.simulation.summary import PushSpan, summarise
 from circuitkit.simulation.viewer import DisplayError, replay, watch
 
 LEFTWARD = np.array([0.0, 1.0, 0.0])
@@ -179,6 +179,23 @@ def test_a_fallen_robot_is_not_shown_inside_the_ground(fallen):
     assert heights[1] < 0
 
 
+def test_an_arrow_points_at_a_point_of_the_body_however_it_stands(pushed):
+    """The line of the arrow passes through the point, which may lie along the world's axes or the body's."""
+    recording = pushed.recording
+    replayed = ReplayModel(recording)
+    replayed.stand(100)
+    bodies = range(1, recording.robot.model.nbody)
+    number = max(bodies, key=lambda i: abs(replayed.data.xmat[i][0] - 1))  # the one that is turned most
+    turned = replayed.data.xmat[number].reshape(3, 3)
+    assert np.abs(turned - np.eye(3)).max() > 0.3
+    point = np.array([0.01, 0.0, 0.02])
+    for turns, where in ((False, point), (True, turned @ point)):
+        tail, tip = replayed.arrow(PushSpan(number, 0.0, 1.0, LEFTWARD, point, turns))
+        beside = tip - replayed.data.xipos[number] - where
+        np.testing.assert_allclose(np.cross(beside, LEFTWARD), 0, atol=1e-12)
+        np.testing.assert_allclose(np.cross(tip - tail, LEFTWARD), 0, atol=1e-12)
+
+
 def test_a_robot_that_stays_above_the_ground_is_shown_to_the_end(pushed):
     assert ReplayModel(pushed.recording).last_above_ground(100) == pushed.recording.ticks - 1
 
@@ -206,6 +223,58 @@ def test_the_panel_works_without_a_circuit_and_with_readings_that_are_missing(pu
         pushed, recording=dataclasses.replace(pushed.recording, observations=observations)
     )
     assert np.asarray(Panel(result, summarise(result)).picture(10)).shape == (200, 640, 3)
+
+
+LARGE = """
+circuit: large
+control_step: 10 ms
+timing: ordered
+inputs: {gyro_x: {unit: rad/s, range: [-5 rad/s, 5 rad/s]}}
+neurons:
+NEURONS
+populations:
+  ring: {size: 4, model: sigmoid, role: inhibitory, slope: 10 s/rad, shift: 1 rad/s}
+synapses:
+SYNAPSES
+outputs: {ankle_roll: {unit: deg, readout: {n0: 1 deg}}}
+"""
+
+
+def large_circuit(size):
+    """A chain of neurons, which is too long for a drawing that one can read."""
+    neuron = "{model: sigmoid, role: excitatory, slope: 10 s/rad, shift: 1 rad/s}"
+    neurons = [f"  n{i}: {neuron}" for i in range(size)]
+    synapses = ["  - {from: gyro_x, to: n0, weight: 1}"]
+    synapses += [f"  - {{from: n{i}, to: n{i + 1}, weight: 1 rad/s}}" for i in range(size - 1)]
+    text = LARGE.replace("NEURONS", "\n".join(neurons)).replace("SYNAPSES", "\n".join(synapses))
+    return parse_circuit(text)
+
+
+def test_a_circuit_too_large_to_be_read_is_shown_as_cells(pushed):
+    """Of 26 neurons and a population 13 stand in each of three columns, and one cell is lit by its own."""
+    graph = large_circuit(26)
+    names = tuple([f"n{i}" for i in range(26)] + [f"ring[{i}]" for i in range(4)])
+
+    def picture(**active):
+        trace = np.zeros((*pushed.recording.trace.shape[:2], len(names)))
+        for name, value in active.items():
+            trace[..., names.index(name.replace("_", "[") + "]" * ("_" in name))] = value
+        recording = dataclasses.replace(pushed.recording, circuit=graph, trace=trace, trace_names=names)
+        result = dataclasses.replace(pushed, recording=recording)
+        return np.asarray(Panel(result, summarise(result)).picture(150)).astype(int)
+
+    def lit(**active):
+        """Where the picture differs from the one at rest: columns and rows, in pixels."""
+        rows, columns = np.nonzero(np.abs(picture(**active) - picture()).max(axis=-1) > 40)
+        return columns.min(), columns.max(), rows.min(), rows.max()
+
+    wide, high = 404 / 3, 12.4
+    for name, column, row in (("n0", 0, 0), ("n12", 0, 12), ("n13", 1, 0)):
+        left, top = 8 + column * wide, 24 + row * high
+        found = lit(**{name: 1.0})
+        np.testing.assert_allclose(found, (left, left + wide - 2, top, top + high), atol=2.5)
+    left, right, _, _ = lit(ring_2=1.0)  # the third of four stripes
+    np.testing.assert_allclose((left, right), 8 + 2 * wide + np.array([0.5, 0.75]) * (wide - 2), atol=2.5)
 
 
 @pytest.mark.usefixtures("renderer")

@@ -194,6 +194,14 @@ def pushed(cart, until, seconds=1.0, **fields):
     return run(cart, Told(["place"], force=2.0), duration_s=seconds, until=until, **fields)
 
 
+@pytest.mark.parametrize("step_s", [0.002, 0.01, 0.05])
+def test_what_comes_after_the_end_is_recorded_for_as_long_whatever_the_control_step(cart, step_s):
+    """0.6 s from the next look, which is 20 ticks away at most."""
+    recording = pushed(cart, "place > 1 cm", seconds=4.0, step_s=step_s)
+    after = recording.ticks * step_s - recording.ended_s()
+    assert 0.6 - 1e-9 <= after <= 0.6 + 20 * step_s
+
+
 @pytest.mark.parametrize(
     "until",
     [
@@ -269,61 +277,7 @@ def test_a_channel_that_a_measure_and_the_controller_read_is_seen_without_noise_
     [
         ({"until": "place"}, "until: found 'place'; allowed: a condition, such as height < 0.2 m"),
         ({"until": "place > 1 N"}, "until: found 'place > 1 N', which joins m and N; allowed: the same on "
-            "all "
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            ""
-            "sides"),
+            "all sides"),
         (
             {"measures": {"a": "max(position(tips, z))"}},
             "measures.a: the MJCF has no body or site or geom or camera 'tips'; "

@@ -27,9 +27,8 @@ from circuitkit.simulation.plots import (
     shown_unit,
 )
 from circuitkit.simulation.recording import column_name
-from circuitkit.simulation.result import Result
+from circuitkit.simulation.result import Result, find_pushes, summarise
 from circuitkit.simulation.scenario import Scenario
-from circuitkit.simulation.summary import find_pushes, summarise
 
 CONNECT = {"inputs": {"lean": "angle"}, "outputs": {"motor_force": "force"}}
 
@@ -166,10 +165,13 @@ def test_a_shorter_run_ends_its_curve_earlier(cart):
 
 
 @pytest.mark.filterwarnings("error")
-def test_what_is_missing_all_the_time_is_drawn_as_nothing(cart):
+def test_what_is_missing_all_the_time_is_drawn_as_it_truly_was(cart):
     result = result_of(cart, Told(["place"]), [Fault(channel="place", reading="missing")])
-    assert result_figures(result, summarise(result))["channels"] is not None
-    assert shown_unit(np.full(3, np.nan), parse_unit("m")) is not None
+    read = np.full(result.recording.ticks, np.nan)
+    np.testing.assert_array_equal(result.recording.observations[:, 0, 0], read)
+    (line,) = result_figures(result, summarise(result))["channels"].axes[0].lines
+    np.testing.assert_allclose(line.get_ydata(), 0.0, atol=1e-9)  # where the cart truly is
+    assert shown_unit(read, parse_unit("m")) == (0.001, "mm")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from circuitkit import Scenario, simulate
-from circuitkit.base.errors import MissingDependencyError
+from circuitkit.base.errors import MissingDependencyError, UnknownNameError
 
 
 @pytest.fixture(scope="module")
@@ -33,3 +33,8 @@ def test_without_xarray_it_says_what_is_missing(result, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(MissingDependencyError, match=r"^to_xarray needs the package 'xarray'"):
         result.recording.to_xarray()
+
+
+def test_a_command_that_the_controller_does_not_write_is_unknown(result):
+    with pytest.raises(UnknownNameError, match="unknown command of the controller 'forse'; allowed: force"):
+        result.recording.command("forse")

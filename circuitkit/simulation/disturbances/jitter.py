@@ -11,14 +11,11 @@ from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Metres, MetresPerSecond, Radians, Seconds
-from circuitkit.robots import RobotModel, Worlds
+from circuitkit.robots import Worlds
+from circuitkit.robots.mjcf import HINGE
+from circuitkit.robots.model import MobileBase
 from circuitkit.simulation.disturbance import Disturbance, Effects
 
-_FREE, _SLIDE, _HINGE = (
-    mujoco.mjtJoint.mjJNT_FREE,
-    mujoco.mjtJoint.mjJNT_SLIDE,
-    mujoco.mjtJoint.mjJNT_HINGE,
-)
 _STREAM = 2**16  # of its own, so that it leaves the seeds' other numbers alone
 
 
@@ -37,67 +34,7 @@ class Jitter(Disturbance):
     position: Metres | tuple[Metres, Metres] = Field(
         default=0.0,
         description="The base starts up to this much further forward or back, left or right; one for both, "
-        "or "
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        ""
-        "two.",
+        "or two.",
     )
     yaw: Radians = Field(
         default=0.0, ge=0, description="The base starts turned by up to this, to either side."
@@ -125,7 +62,7 @@ class Jitter(Disturbance):
             random = effects.generator(i)
             effects.shift_s[i] = random.uniform(-self.start, self.start)
             velocity[i] = random.normal(0.0, self.velocity, 2)
-        base = _Base(effects.robot)
+        base = MobileBase(effects.robot)
         if (self.velocity or any(self.reach_m)) and not base.dofs:
             message = "the robot has no base that can move; allowed: a jitter of joints"
             raise InputError(Problem("", 0, 0, where, message))
@@ -133,13 +70,13 @@ class Jitter(Disturbance):
             message = "the robot has no base that can turn; allowed: a jitter of joints"
             raise InputError(Problem("", 0, 0, f"{where}.yaw", message))
         if self.velocity:
-            effects.at_once.append(lambda worlds: base.kick(worlds, velocity))
+            effects.at_once.append(lambda worlds: _kick(base, worlds, velocity))
         if any(self.reach_m) or self.yaw or self.joints:
             self._place(effects, robots, base)
 
-    def _place(self, effects: Effects, robots: Sequence[int], base: _Base) -> None:
+    def _place(self, effects: Effects, robots: Sequence[int], base: MobileBase) -> None:
         moved, turned = np.zeros((effects.batch, 2)), np.zeros(effects.batch)
-        hinges = [j for j in range(effects.robot.model.njnt) if effects.robot.model.jnt_type[j] == _HINGE]
+        hinges = [j for j in range(effects.robot.model.njnt) if effects.robot.model.jnt_type[j] == HINGE]
         hinges = [j for j in hinges if j != base.turn]
         bent = np.zeros((effects.batch, len(hinges)))
         for i in robots:
@@ -150,58 +87,29 @@ class Jitter(Disturbance):
         places = effects.robot.model.jnt_qposadr[hinges]
 
         def place(worlds: Worlds) -> None:
-            base.move(worlds, moved, turned)
+            _move(base, worlds, moved, turned)
             worlds.qpos[:, places] += bent
 
         effects.at_rest.append(place)
 
 
-class _Base:
-    """What carries the robot through the world: a free joint, or slides along x and y and a hinge about z.
+def _kick(base: MobileBase, worlds: Worlds, velocity: np.ndarray) -> None:
+    """Give the bases a velocity; shape (B, 2)."""
+    for axis, dof in base.dofs.items():
+        worlds.qvel[:, dof] = velocity[:, axis]
 
-    Attributes:
-        free: Number of the free joint, if any.
-        dofs: Places in `qvel` of the velocity forward and sideways, as far as there are any.
-        turn: Number of the hinge about z, if it stands on one.
-    """
 
-    def __init__(self, robot: RobotModel) -> None:
-        model = robot.model
-        self.free = robot.base
-        self.turn: int | None = None
-        self.dofs: dict[int, int] = {}
-        self.places: dict[int, int] = {}
-        if self.free is not None:
-            start, place = int(model.jnt_dofadr[self.free]), int(model.jnt_qposadr[self.free])
-            self.dofs = {0: start, 1: start + 1}
-            self.places = {0: place, 1: place + 1}
-            return
-        for joint in range(model.njnt):
-            if model.body_parentid[model.jnt_bodyid[joint]] != 0:
-                continue
-            axis = np.abs(model.jnt_axis[joint])
-            if model.jnt_type[joint] == _SLIDE and axis[:2].max() > 0.99:  # noqa: PLR2004 - along x or y
-                self.dofs[int(axis[:2].argmax())] = int(model.jnt_dofadr[joint])
-                self.places[int(axis[:2].argmax())] = int(model.jnt_qposadr[joint])
-            elif model.jnt_type[joint] == _HINGE and axis[2] > 0.99:  # noqa: PLR2004 - about z
-                self.turn = joint
-
-    def kick(self, worlds: Worlds, velocity: np.ndarray) -> None:
-        """Give the bases a velocity; shape (B, 2)."""
-        for axis, dof in self.dofs.items():
-            worlds.qvel[:, dof] = velocity[:, axis]
-
-    def move(self, worlds: Worlds, moved: np.ndarray, turned: np.ndarray) -> None:
-        """Put the bases elsewhere, by (B, 2) metres and turned by (B,) radians about the vertical."""
-        for axis, place in self.places.items():
-            worlds.qpos[:, place] += moved[:, axis]
-        model = worlds.robot.model
-        if self.free is not None:
-            start = int(model.jnt_qposadr[self.free]) + 3
-            for i, angle in enumerate(turned):
-                half = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
-                product = np.zeros(4)
-                mujoco.mju_mulQuat(product, half, worlds.qpos[i, start : start + 4].copy())
-                worlds.qpos[i, start : start + 4] = product
-        elif self.turn is not None:
-            worlds.qpos[:, model.jnt_qposadr[self.turn]] += turned
+def _move(base: MobileBase, worlds: Worlds, moved: np.ndarray, turned: np.ndarray) -> None:
+    """Put the bases elsewhere, by (B, 2) metres and turned by (B,) radians about the vertical."""
+    for axis, place in base.places.items():
+        worlds.qpos[:, place] += moved[:, axis]
+    model = worlds.robot.model
+    if base.free is not None:
+        start = int(model.jnt_qposadr[base.free]) + 3
+        for i, angle in enumerate(turned):
+            half = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+            product = np.zeros(4)
+            mujoco.mju_mulQuat(product, half, worlds.qpos[i, start : start + 4].copy())
+            worlds.qpos[i, start : start + 4] = product
+    elif base.turn is not None:
+        worlds.qpos[:, model.jnt_qposadr[base.turn]] += turned

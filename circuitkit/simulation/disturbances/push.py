@@ -14,7 +14,7 @@ from circuitkit.base.source import describe
 from circuitkit.base.source.fields import Metres, NewtonMetres, Newtons, Seconds
 from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Start, placed
+from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Lever, Start, placed
 from circuitkit.simulation.reference import Moment
 
 _HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit
@@ -32,22 +32,16 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
 
 def check_direction(value: object) -> str:
     """Refuse an angle of more than once round; words are looked up when the reference is known."""
-    if not isinstance(value, str):
-        message = (
-            f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 "
-            "deg'"
-        )
-        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
-    if _is_angle(value) and not abs(parse_quantity(value).value_si) <= _LARGEST_ANGLE_RAD:
-        message = f"found '{value}'; allowed: an angle from -360 deg to 360 deg"
+    text = value if isinstance(value, str) else ""
+    if _is_angle(text):
+        if not abs(parse_quantity(text).value_si) <= _LARGEST_ANGLE_RAD:
+            message = f"found '{text}'; allowed: an angle from -360 deg to 360 deg"
+            raise ValueError(message)
+    elif not text.replace("_", "").isalpha():
+        allowed = f"{listing(DIRECTIONS)}, or an angle such as '15 deg'"
+        message = f"unknown direction {describe(value)}; allowed: {allowed}"
         raise ValueError(message)
-    if not _is_angle(value) and not value.replace("_", "").isalpha():
-        message = (
-            f"unknown direction {describe(value)}; allowed: {listing(DIRECTIONS)}, or an angle such as '15 "
-            "deg'"
-        )
-        raise ValueError(message)
-    return value
+    return text
 
 
 def _is_angle(text: str) -> bool:
@@ -83,7 +77,8 @@ class Push(Disturbance):
     )
     at: tuple[Metres, Metres, Metres] | None = Field(
         default=None,
-        description="Where it acts, from the body's centre of mass, along x, y and z; instead of height.",
+        description="Where it acts: a point of the body, from its centre of mass along its own x, y and z, "
+        "which turns with it; instead of height.",
     )
     start: Start = Field(description="A time such as 5 s, or a moment of the reference.")
 
@@ -97,11 +92,6 @@ class Push(Disturbance):
             message = "found both at and height; allowed: one of them"
             raise ValueError(message)
         return self
-
-    @property
-    def lever_m(self) -> Array:
-        """Where it acts from the body's centre of mass; shape (3,)."""
-        return np.array([0.0, 0.0, self.height] if self.at is None else self.at)
 
     def first_tick(self, effects: Effects, robot: int, where: str) -> int:
         """The tick in which it begins."""
@@ -117,8 +107,10 @@ class Push(Disturbance):
             start = _begin_s(moment, effects, i)
             end = start + self.duration
             force = (self.force or 0.0) * way
-            turn = self.torque * way if self.torque is not None else None
-            _pushes_of(effects).setdefault(body, []).append(_Acting(i, start, end, force, self.lever_m, turn))
+            point = np.array([0.0, 0.0, self.height] if self.at is None else self.at)
+            turn = self.torque * way if self.torque is not None else np.zeros(3)
+            acting = _Acting(i, start, end, force, point, self.at is not None, turn)
+            _pushes_of(effects).setdefault(body, []).append(acting)
             if np.isnan(effects.windows_s[i, 0]):
                 effects.windows_s[i] = start, end
 
@@ -147,14 +139,15 @@ def direction_of(name: str, moment: Moment, where: str = "direction") -> Array:
 
 
 class _Acting(NamedTuple):
-    """A force on a robot's body from start to end."""
+    """A force and a torque on a robot's body from start to end, at a point that may turn with the body."""
 
     robot: int
     start_s: float
     end_s: float
     force: Array
-    lever_m: Array
-    torque: Array | None
+    point_m: Array
+    turns: bool
+    torque: Array
 
 
 def _pushes_of(effects: Effects) -> dict[int, list[_Acting]]:
@@ -176,13 +169,15 @@ def _body_force(body: int, entries: list[_Acting], batch: int, dt: float) -> Bod
     last = int(np.ceil(max(entry.end_s for entry in entries) / dt))
     begin = (first + np.arange(last - first + 1)) * dt
     forces = np.zeros((len(begin), batch, 3))
-    turns = any(entry.lever_m.any() or entry.torque is not None for entry in entries)
-    torques = np.zeros_like(forces) if turns else None
-    points = np.zeros((batch, 3))
-    for i, start, end, force, lever, torque in entries:
-        share = np.clip(np.minimum(end, begin + dt) - np.maximum(start, begin), 0.0, dt) / dt
-        forces[:, i] += share[:, None] * force
-        points[i] = lever
+    torques = np.zeros_like(forces) if any(e.point_m.any() or e.torque.any() for e in entries) else None
+    points, turning = np.zeros((batch, 3)), np.zeros(batch, dtype=bool)
+    levers = []
+    for i, start, end, force, point, turns, torque in entries:
+        share = np.clip(np.minimum(end, begin + dt) - np.maximum(start, begin), 0.0, dt)[:, np.newaxis] / dt
+        forces[:, i] += share * force
+        points[i], turning[i] = point, turns
         if torques is not None:
-            torques[:, i] += share[:, None] * (np.cross(lever, force) + (0.0 if torque is None else torque))
-    return BodyForce(body, first, forces, torques, points)
+            torques[:, i] += share * (torque if turns else np.cross(point, force) + torque)
+        if turns:
+            levers.append(Lever(i, point, share * force))
+    return BodyForce(body, first, forces, torques, points, turning, tuple(levers))
