@@ -220,6 +220,7 @@ class BipedBody:
         torso_id: Body number of the torso.
         feet_id: Body numbers of the feet, left and right.
         mass_kg: Mass of the robot.
+        outcomes: Words for a run that got to its end, and for one that `until` ended.
     """
 
     model: mujoco.MjModel
@@ -242,7 +243,7 @@ class BipedBody:
     feet_id: tuple[int, int]
     mass_kg: float
 
-    stands: ClassVar[bool] = True
+    outcomes: ClassVar[tuple[str, str]] = ("stood", "fell")
 
     @cached_property
     def body_roles(self) -> dict[str, int]:

@@ -59,23 +59,23 @@ class Result:
     def outcome(self) -> str:
         """How it ended, in words.
 
-        A robot of which a block of its file says that it stands has stood or fallen. Any other one ran to the
-        end, or was ended by `until`; where the scenario judges by a measure `survived` of its own, the run
-        passed or failed.
+        A block of the robot's file may have words for a run that got to its end and for one that `until`
+        ended; where the scenario judges by a measure `survived` of its own, the run passed or failed.
         """
         recording = self.recording
-        stands = any(getattr(block, "stands", False) for block in recording.robot.blocks.values())
+        blocks = recording.robot.blocks.values()
+        words = next((block.outcomes for block in blocks if hasattr(block, "outcomes")), None)
         if recording.interrupted and recording.ended_s() is None:
             stopped = f"interrupted at {recording.ticks * recording.step_s:.2f} s"
-            return "stood until interrupted" if stands else stopped
+            return f"{words[0]} until interrupted" if words else stopped
         if (ended := recording.ended_s()) is not None and recording.lost[0]:
             return f"became unstable at {ended:.2f} s"
         if ended is not None:
-            word = "ended" if self.survived else "fell" if stands else "ended" if self._plain else "failed"
-            return f"{word} at {ended:.2f} s"
+            lost = words[1] if words else "ended" if self._plain else "failed"
+            return f"{'ended' if self.survived else lost} at {ended:.2f} s"
         if not self._plain:
             return "passed" if self.survived else "failed"
-        return "stood" if stands else "ran to the end"
+        return words[0] if words else "ran to the end"
 
     @property
     def _plain(self) -> bool:
