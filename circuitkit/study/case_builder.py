@@ -8,18 +8,10 @@ from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeVar
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
-from circuitkit.base.source import (
-    Data,
-    Document,
-    Place,
-    find_data_file,
-    read_yaml,
-    validate_model,
-)
+from circuitkit.base.source import Data, Document, Place, find_data_file, read_yaml, validate_model
 from circuitkit.control import ControllerSpec, load_controller, shipped_controllers
 from circuitkit.control.spec import FOLDER as CONTROLLERS
 from circuitkit.control.spec import without_kind
@@ -33,7 +25,7 @@ from circuitkit.study.cases import FILES, Case, fingerprint
 from circuitkit.study.complaints import Complaints, about_file
 from circuitkit.study.duration import WATCH, require_moments, watched
 from circuitkit.study.paths import Change, PathError, put, put_into_scenario, read_change, without_gaps
-from circuitkit.study.spec import Cell, Settings, Study, cell_of
+from circuitkit.study.spec import Cell, Settings, Study, beside, cell_of, value_text
 
 T = TypeVar("T")
 
@@ -135,7 +127,7 @@ class CaseBuilder:
             reference=reference.value,
             controller=controller.value,
             circuits=circuits,
-            circuit_settings={name: _text(change.value) for name, change in set_in_circuit.items()},
+            circuit_settings={name: value_text(change.value) for name, change in set_in_circuit.items()},
             numbers={
                 "reference": reference.numbers,
                 "controller": controller.numbers,
@@ -162,7 +154,7 @@ class CaseBuilder:
     def _base(self) -> Document:
         name = self._study.file.scenario
         try:
-            return read_yaml(find_data_file(self._beside(name), FOLDER))
+            return read_yaml(find_data_file(beside(self._study.document, name), FOLDER))
         except InputError as error:
             raise about_file(self._study.document, ("scenario",), error, name) from error
 
@@ -185,7 +177,7 @@ class CaseBuilder:
         for change in outer:
             changed, names_file = change, change.parts[0] in FILES and isinstance(change.value, str)
             if names_file:
-                changed = replace(change, value=self._beside(change.value))
+                changed = replace(change, value=beside(self._study.document, change.value))
                 with _collected([]):
                     self._put(only_files, changed)
             with _collected(problems):
@@ -339,7 +331,7 @@ class CaseBuilder:
         self, scenario: Scenario, outer: Sequence[Change], changes: Mapping[str, Change]
     ) -> Circuits:
         """The circuit; another circuit than the scenario's may be judged by the scenario's own."""
-        values = {name: _text(change.value) for name, change in changes.items()}
+        values = {name: value_text(change.value) for name, change in changes.items()}
         base = self._base_circuit
         if scenario.circuit is None:
             if changes:
@@ -401,12 +393,6 @@ class CaseBuilder:
         value: T = self._cache[key]
         return value
 
-    def _beside(self, name: str) -> str:
-        """A file that the study names, from the study's own folder if it is a relative path."""
-        path = Path(name)
-        beside = Path(self._study.document.path).parent / path
-        return str(beside) if (path.suffix and not path.is_absolute() and beside.is_file()) else name
-
     def _with(self, document: Document, changes: Sequence[Change]) -> Data:
         data = deepcopy(document.data)
         for change in changes:
@@ -446,7 +432,3 @@ def _without_paths(robot: Robot) -> dict[str, Any]:
 
 def _name_of(robot: str | Robot) -> str:
     return robot.robot if isinstance(robot, Robot) else str(robot)
-
-
-def _text(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)

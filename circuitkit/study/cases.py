@@ -18,11 +18,8 @@ from circuitkit.simulation.plan import Body, Circuits, make_body
 
 FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
 _NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself
-_OWN_FORM = {
-    "disturbances",
-    "measures",
-    "reference",
-}  # keys that are written as in a file, without empty kinds
+_OWN_FORM = {"disturbances", "measures", "reference"}  # keys that are written as a file has them
+_SEED_MARK = "\N{SYMBOL FOR SUBSTITUTE}seed"  # where the seed goes in a description
 
 
 @dataclass(frozen=True)
@@ -108,9 +105,6 @@ class Case:
             **{f"{key}_numbers": numbers for key, numbers in self.numbers.items()},
         }
         return json.dumps(everything, ensure_ascii=False).replace(f'"{_SEED_MARK}"', _SEED_MARK, 1)
-
-
-_SEED_MARK = "\N{SYMBOL FOR SUBSTITUTE}seed"
 
 
 def _as_in_a_file(scenario: Scenario) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import replacing, write_text
@@ -21,9 +21,6 @@ from circuitkit.study.results import Results
 from circuitkit.study.rows import Row, measures_in
 from circuitkit.study.spec import RMS, Study, make_study
 from circuitkit.study.table import arrow, table_of
-
-if TYPE_CHECKING:
-    pass
 
 _FORMAT = 1
 _UNSEEN = ("description",)  # keys of a study that determine no run
