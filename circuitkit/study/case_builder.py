@@ -21,10 +21,17 @@ from circuitkit.simulation import Reference, Scenario
 from circuitkit.simulation.plan import BUILT_IN, CIRCUIT, OPEN_LOOP, Circuits, control_step, load_circuits
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import FOLDER, LONGEST_S, scenario_class
-from circuitkit.study.cases import FILES, Case, fingerprint
-from circuitkit.study.complaints import Complaints, about_file
-from circuitkit.study.duration import WATCH, require_moments, watched
-from circuitkit.study.paths import Change, PathError, put, put_into_scenario, read_change, without_gaps
+from circuitkit.study.cases import FILES, WATCH, Case, fingerprint, require_moments, watched
+from circuitkit.study.changes import (
+    Change,
+    Complaints,
+    PathError,
+    about_file,
+    put,
+    put_into_scenario,
+    read_change,
+    without_gaps,
+)
 from circuitkit.study.spec import Cell, Settings, Study, beside, cell_of, value_text
 
 T = TypeVar("T")

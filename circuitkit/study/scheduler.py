@@ -13,13 +13,11 @@ from typing import TypeAlias
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.study.case_builder import CaseBuilder
-from circuitkit.study.cases import Case
-from circuitkit.study.jobs import Done, Job, Outcome
-from circuitkit.study.results import Results
-from circuitkit.study.rows import Run, rows_of
+from circuitkit.study.cases import Case, Outcome
+from circuitkit.study.results import Results, Run, rows_of
 from circuitkit.study.search import Boundary, EachBoundary, Request, Strategy, grid_runs
 from circuitkit.study.spec import Settings, Study
-from circuitkit.study.workers import Workers
+from circuitkit.study.workers import Done, Job, Workers
 
 BATCH = 32  # runs in a batch, at most
 _LEAST = 4  # a batch is not cut smaller to keep a worker busy

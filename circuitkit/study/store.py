@@ -16,11 +16,10 @@ from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import replacing, write_text
-from circuitkit.study.jobs import Outcome, versions
-from circuitkit.study.results import Results
-from circuitkit.study.rows import Row, measures_in
+from circuitkit.study.cases import Outcome
+from circuitkit.study.results import Results, Row, arrow, measures_in, table_of
 from circuitkit.study.spec import RMS, Study, make_study
-from circuitkit.study.table import arrow, table_of
+from circuitkit.study.workers import versions
 
 _FORMAT = 1
 _UNSEEN = ("description",)  # keys of a study that determine no run

@@ -10,8 +10,8 @@ from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.simulation import RunSpec, load_scenario, make_plan
 from circuitkit.simulation.loop import run_loop
 from circuitkit.study import CaseBuilder, make_study, open_workers, run_cases, sweep
-from circuitkit.study.tuning.check import check
 from circuitkit.study.tuning.measure import Measure
+from circuitkit.study.tuning.run import check
 from circuitkit.study.tuning.spec import load_tuning
 
 PUSH = {"body": "cart", "force": "1 N", "direction": "forward", "duration": "200 ms", "start": "0.5 s"}

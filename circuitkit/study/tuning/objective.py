@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, model_validator
 from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import parse_quantity, parse_unit
-from circuitkit.study.rows import Row
+from circuitkit.study.results import Row
 from circuitkit.study.tuning.runs import Condition
 from circuitkit.study.tuning.space import QuantityText
 
