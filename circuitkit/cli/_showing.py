@@ -1,118 +1,107 @@
-"""How `circuitkit show FILE NEURON` prints one neuron."""
+"""How `circuitkit show FILE` prints what a circuit resolves to, as tables."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
-from circuitkit.circuit.authoring.explanation import Connection, Explanation, explain
-from circuitkit.circuit.graph import CircuitGraph, Neuron
-from circuitkit.cli.plot import text_plot
-from circuitkit.cli.printing import note, print_json, print_table
-from circuitkit.draw.responses import Response, member, response, span
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from circuitkit.base.units import format_quantity
+from circuitkit.circuit.authoring.elements import Weights, value_text
+from circuitkit.circuit.authoring.flat import parameter_unit
+from circuitkit.circuit.graph import CircuitGraph, Neuron, OutputNode, Population, Projection, Synapse
+from circuitkit.cli.printing import print_table
 
 
-def show_neuron(graph: CircuitGraph, name: str, picture: Path | None, *, as_json: bool) -> None:
-    """Print an explanation of a neuron, and draw its curve if there is a file to draw it to."""
-    explanation = explain(graph, name)
-    node = explanation.node
-    neuron = node if isinstance(node, Neuron) else member(node, explanation.index or 0)
-    curve = response(neuron, *span([neuron]))
-    if picture is not None:
-        from circuitkit.draw import draw_activations  # here, for the start-up: see app.py
-
-        alone = replace(neuron, name=name)
-        draw_activations(
-            replace(graph, neurons=(alone,), populations=(), synapses=(), projections=(), outputs=()), picture
-        )
-    if as_json:
-        print_json(_document(explanation, neuron, curve))
-    else:
-        _print(explanation, neuron, curve)
-    if picture is not None:
-        note(f"wrote {picture}")
-
-
-def _document(explanation: Explanation, neuron: Neuron, curve: Response) -> dict[str, object]:
-    return {
-        "name": explanation.name,
-        "model": explanation.model.name,
-        "role": explanation.node.role,
-        "description": explanation.node.description,
-        "origin": str(explanation.node.origin),
-        "unit": neuron.activation_unit.symbol,
-        "equations": explanation.equations(),
-        "values": explanation.values(),
-        "inputs": [_row(each) for each in explanation.incoming],
-        "outputs": [_row(each) for each in explanation.outgoing],
-        "curve": {
-            "what": curve.what,
-            "activation": (curve.activation / neuron.activation_unit.scale).tolist(),
-            "output": curve.output.tolist(),
-            "unit": curve.unit.symbol,
-        },
-    }
-
-
-def _row(connection: Connection) -> dict[str, object]:
-    return {**asdict(connection), "origin": str(connection.origin)}
-
-
-def _print(explanation: Explanation, neuron: Neuron, curve: Response) -> None:
-    node, model = explanation.node, explanation.model
-    what = "neuron" if node is neuron else "member" if explanation.index is not None else "population"
-    print(f"{explanation.name}: {node.role} {what}, {model.name}")
-    for line in (
-        node.description,
-        model.description,
-        f"declared at {node.origin}" if node.origin.file else "",
-    ):
-        if line:
-            print(f"  {line}")
-    width = max(map(len, (*explanation.equations(), *explanation.values())))
-    print("\nequations, A being the sum of what the inputs deliver" + f" [{neuron.activation_unit}]")
-    for name, equation in explanation.equations().items():
-        print(f"  {name:{width}} = {equation}")
-    print("\nvalues")
-    described = {each.name: each.description for each in model.parameters}
-    described |= {f"initial {each.name}": each.description for each in model.states}
-    for name, value in explanation.values().items():
-        words = described.get(name, "")
-        print(f"  {name:{width}} = {value}{f'    {words}' if words else ''}")
-    print()
-    _print_connections("inputs", "from", explanation.incoming)
-    _print_connections("goes to", "to", explanation.outgoing)
-    if explanation.index is None and node is not neuron:
-        print(f"the curve of {neuron.name}")
-    scale = neuron.activation_unit.scale
-    for line in text_plot(
-        (curve.activation / scale).tolist(),
-        curve.output.tolist(),
-        f"activation A [{neuron.activation_unit}]",
-        f"{curve.what} [{curve.unit}]",
-    ):
-        print(line)
-
-
-def _print_connections(title: str, end: str, connections: Sequence[Connection]) -> None:
+def print_tables(graph: CircuitGraph) -> None:
+    """Print what a circuit resolves to: its inputs, neurons, synapses and outputs."""
+    print(f"{graph.name}: {graph.description}" if graph.description else graph.name)
+    substeps = f", {graph.substeps} substeps" if graph.substeps > 1 else ""
+    print(f"timing {graph.timing}, control step {graph.step_s * 1e3:g} ms{substeps}\n")
     print_table(
-        title,
-        (end, ">synapses", ">weight", "kind", "model", ">delay", "gate", "where"),
+        "inputs",
+        ("name", "unit", ">from", ">to", "description"),
         (
             (
-                each.other,
-                str(each.count),
-                each.weight,
-                "gates it" if each.kind == "gate" else each.kind,
-                "" if each.model == "static" else each.model,
-                f"{each.delay_s * 1e3:g} ms" if each.delay_s else "",
-                each.gate,
-                str(each.origin) if each.origin.file else "",
+                x.name,
+                str(x.unit),
+                format_quantity(x.low, x.unit),
+                format_quantity(x.high, x.unit),
+                x.description,
             )
-            for each in connections
+            for x in graph.inputs
         ),
     )
+    print_table(
+        "neurons",
+        ("name", "model", "role", "parameters", "description"),
+        ((x.name, x.model.name, x.role, ", ".join(_parameters(x)), x.description) for x in graph.neurons),
+    )
+    if graph.populations:
+        print_table(
+            "populations",
+            ("name", ">size", "model", "role", "parameters", "description"),
+            (
+                (x.name, str(x.size), x.model.name, x.role, ", ".join(_parameters(x)), x.description)
+                for x in graph.populations
+            ),
+        )
+    _print_edges("synapses", graph, graph.synapses)
+    if graph.projections:
+        _print_edges("projections", graph, graph.projections)
+    print_table(
+        "outputs",
+        ("name", "readout", "over the steps", ">from", ">to", "description"),
+        (
+            (
+                x.name,
+                " + ".join(_readout(x)).replace("+ -", "- "),
+                _over_the_steps(x),
+                format_quantity(x.low, x.unit) if math.isfinite(x.low) else "",
+                format_quantity(x.high, x.unit) if math.isfinite(x.high) else "",
+                x.description,
+            )
+            for x in graph.outputs
+        ),
+    )
+
+
+def _print_edges(title: str, graph: CircuitGraph, edges: Sequence[Synapse | Projection]) -> None:
+    """A table of synapses or projections; columns in which nothing stands are left out."""
+    weights = Weights(graph)
+
+    def weight(edge: Any) -> str:  # noqa: ANN401 - either of the two
+        return weights.text(edge, edge.weights if title == "projections" else edge.weight)
+
+    columns: dict[str, Callable[[Any], str]] = {
+        "from": lambda edge: str(edge.source),
+        "to": lambda edge: str(edge.target),
+        ">synapses": lambda edge: str(len(edge.sources)) if title == "projections" else "",
+        ">weight": weight,
+        "kind": lambda edge: str(edge.kind),
+        "model": lambda edge: "" if edge.model.name == "static" else str(edge.model.name),
+        ">delay": lambda edge: f"{edge.delay_s * 1e3:g} ms" if edge.delay_s else "",
+        "gate": lambda edge: str(edge.gate),
+    }
+    rows = [[tell(edge) for tell in columns.values()] for edge in edges]
+    always = ("from", "to", ">weight", "kind")
+    kept = [i for i, name in enumerate(columns) if name in always or any(row[i] for row in rows)]
+    headings = list(columns)
+    print_table(title, [headings[i] for i in kept], ([row[i] for i in kept] for row in rows))
+
+
+def _parameters(neuron: Neuron | Population) -> Iterator[str]:
+    for parameter in neuron.model.parameters:
+        value = neuron.parameters[parameter.name]
+        yield f"{parameter.name} {value_text(value, parameter_unit(neuron, parameter))}"
+
+
+def _readout(output: OutputNode) -> Iterator[str]:
+    for name, weight in output.readout:
+        yield f"{value_text(weight, output.unit)} · {name}"
+
+
+def _over_the_steps(output: OutputNode) -> str:
+    if output.leak is None:
+        return "the sum itself"
+    return f"adds up, leaks {output.leak * 100:g} %" if output.leak else "adds up"

@@ -41,7 +41,7 @@ def list_names(
     Without KIND, all of it: the files that ship or that plug-ins bring, such as circuits, robots, scenarios,
     controllers and models; and the kinds that register themselves, such as kinds-of-references.
     """
-    from circuitkit.base.catalogue import catalogue, file_kinds  # here, for the start-up: see app.py
+    from circuitkit.base.catalogue import catalogue, file_kinds  # late: see cli/__init__.py
 
     found = catalogue(kind, () if kind in file_kinds() else _registries())
     if as_json:
@@ -64,6 +64,6 @@ def list_names(
 
 def _registries() -> Iterable[Registry[Any]]:
     """All registries, each of which is there once the package that it belongs to is imported."""
-    from circuitkit.paper.reproduce.figure import FIGURES  # it imports, from the top layer, all the others
+    from circuitkit.paper.reproduce.figure import FIGURES  # late, too; it imports all the others
 
     return FIGURES.every.values()

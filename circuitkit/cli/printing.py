@@ -38,9 +38,9 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str
         headings: One for each column; a heading that starts with `>` makes the column flush right.
         rows: One text for each column.
     """
-    from rich import box  # here, for the start-up: see app.py
-    from rich.console import Console
-    from rich.table import Table
+    from rich import box  # late: see cli/__init__.py
+    from rich.console import Console  # the same
+    from rich.table import Table  # the same
 
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
     for heading in headings:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from circuitkit.base.units import format_quantity
 from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
-    from circuitkit.base.units import Unit
     from circuitkit.study import Results, Share, Study
     from circuitkit.study.driver import Estimate
 
@@ -87,18 +87,19 @@ def sweep(
     if output is None and not dry_run:
         message = "name a folder for the results: -o DIR"
         raise typer.BadParameter(message, param_hint="--output")
-    from circuitkit.study import load_study  # here, for the start-up: see app.py
+    from circuitkit.study import load_study  # late: see cli/__init__.py
+    from circuitkit.study import sweep as run_sweep  # the same
+    from circuitkit.study.driver import estimate  # the same
+    from circuitkit.study.workers import processors  # the same
 
     loaded = load_study(study)
     if seeds is not None:
         loaded = loaded.with_({"seeds": {"count": min(seeds, len(loaded.seeds))}})
     if dry_run:
-        _print_estimate(loaded, workers, as_json=as_json)
+        _print_estimate(loaded, estimate(loaded), workers or processors(), as_json=as_json)
         return
     axes = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
     loaded.require_axes(axes or ())
-    from circuitkit.study import sweep as run_sweep
-
     try:
         results = run_sweep(
             loaded,
@@ -112,14 +113,14 @@ def sweep(
         note(str(interruption))
         raise
     if as_json:
-        print_json(as_data(results, output, axes))
+        print_json(_as_data(results, output, axes))
         return
-    print_found(results, axes)
+    _print_found(results, axes)
     runs = "1 run" if len(results.rows) == 1 else f"{len(results.rows)} runs"
     note(f"wrote {(output or Path()) / 'results.parquet'}: {runs}")
 
 
-def as_data(results: Results, folder: Path | None = None, by: Sequence[str] | None = None) -> dict[str, Any]:
+def _as_data(results: Results, folder: Path | None = None, by: Sequence[str] | None = None) -> dict[str, Any]:
     """What was found, for JSON: limits in SI units, or shares."""
     search = results.study.search
     data: dict[str, Any] = {
@@ -157,7 +158,7 @@ def _of_share(share: Share) -> dict[str, Any]:
     }
 
 
-def print_found(results: Results, by: Sequence[str] | None = None) -> None:
+def _print_found(results: Results, by: Sequence[str] | None = None) -> None:
     """Print limits, or shares."""
     study, search = results.study, results.study.search
     if search is None or by is not None:
@@ -179,10 +180,10 @@ def print_found(results: Results, by: Sequence[str] | None = None) -> None:
     found = (
         (
             *limit.texts.values(),
-            _amount(limit.largest, unit),
+            format_quantity(limit.largest, unit),
             f"{limit.survived} of {limit.runs}",
             _percents(limit.interval),
-            "-" if limit.fails_at is None else _amount(limit.fails_at, unit),
+            "-" if limit.fails_at is None else format_quantity(limit.fails_at, unit),
         )
         for limit in results.limits()
     )
@@ -200,22 +201,12 @@ def _last(path: str) -> str:
     return path.rpartition(".")[2]
 
 
-def _amount(value_si: float, unit: Unit) -> str:
-    from circuitkit.base.units import format_quantity
-
-    return format_quantity(value_si, unit)
-
-
 def _percents(interval: tuple[float, float]) -> str:
     return f"{interval[0] * 100:.0f} to {interval[1] * 100:.0f} %"
 
 
-def _print_estimate(study: Study, workers: int | None, *, as_json: bool) -> None:
-    from circuitkit.study.driver import estimate
-    from circuitkit.study.workers import processors
-
-    found = estimate(study)
-    count = workers or processors()
+def _print_estimate(study: Study, found: Estimate, count: int, *, as_json: bool) -> None:
+    """What a study will take with so many workers."""
     seconds = found.seconds / min(count, found.runs)
     if as_json:
         print_json(_estimate_data(study, found, count, seconds))
