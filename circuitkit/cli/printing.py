@@ -15,6 +15,11 @@ def examples(*commands: str) -> str:
     return "\b\nExamples:\n" + "\n".join(f"  {command}" for command in commands)
 
 
+def counted(number: int, what: str) -> str:
+    """Such as `1 error` or `2 errors`."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
 def print_json(value: object) -> None:
     """Print JSON; what is not a finite number becomes `null`, for JSON has no other word for it."""
     print(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))

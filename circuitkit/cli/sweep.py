@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from circuitkit.base.units import format_quantity
-from circuitkit.cli.printing import examples, note, print_json, print_table
+from circuitkit.cli.printing import counted, examples, note, print_json, print_table
 
 if TYPE_CHECKING:
     from circuitkit.study import Results, Share, Study
@@ -116,8 +116,7 @@ def sweep(
         print_json(_as_data(results, output, axes))
         return
     _print_found(results, axes)
-    runs = "1 run" if len(results.rows) == 1 else f"{len(results.rows)} runs"
-    note(f"wrote {(output or Path()) / 'results.parquet'}: {runs}")
+    note(f"wrote {(output or Path()) / 'results.parquet'}: {counted(len(results.rows), 'run')}")
 
 
 def _as_data(results: Results, folder: Path | None = None, by: Sequence[str] | None = None) -> dict[str, Any]:
@@ -220,10 +219,10 @@ def _print_estimate(study: Study, found: Estimate, count: int, *, as_json: bool)
     span = f"{found.shortest_s:g} s"
     if not math.isclose(found.shortest_s, found.longest_s):
         span = f"{found.shortest_s:g} to {found.longest_s:g} s"
-    cells, each = _count(found.cells, "cell"), _count(len(study.seeds), "seed")
+    cells, each = counted(found.cells, "cell"), counted(len(study.seeds), "seed")
     print(f"{cells}, {each}: {about}{total}runs of {span} each")
     print(
-        f"about {_duration(seconds)} with {_count(count, 'worker')} here, by the time that a few robots took"
+        f"about {_duration(seconds)} with {counted(count, 'worker')} here, by the time that a few robots took"
     )
 
 
@@ -237,10 +236,6 @@ def _estimate_data(study: Study, found: Estimate, workers: int, seconds: float) 
         "workers": workers,
         "seconds": seconds,
     }
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _duration(seconds: float) -> str:

@@ -9,7 +9,7 @@ import typer
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.cli.options import SETTINGS, Settings, named_values
-from circuitkit.cli.printing import examples, note, print_json
+from circuitkit.cli.printing import counted, examples, note, print_json
 
 PLACE = 20
 
@@ -74,9 +74,5 @@ def _check(file: str, values: dict[str, str]) -> tuple[tuple[Problem, ...], tupl
 
 
 def _verdict(errors: int, warnings: int) -> str:
-    verdict = _count(errors, "error") if errors else "valid"
-    return f"{verdict}, {_count(warnings, 'warning')}" if warnings else verdict
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+    verdict = counted(errors, "error") if errors else "valid"
+    return f"{verdict}, {counted(warnings, 'warning')}" if warnings else verdict

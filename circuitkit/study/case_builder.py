@@ -25,7 +25,6 @@ from circuitkit.study.cases import FILES, WATCH, Case, fingerprint, require_mome
 from circuitkit.study.changes import (
     Change,
     Complaints,
-    PathError,
     about_file,
     put,
     put_into_scenario,
@@ -149,10 +148,8 @@ class CaseBuilder:
         given = [(path, value, ("set", path)) for path, value in self._study.file.set.items()]
         changes = []
         for path, value, place in [*given, *((p, v, places.get(p)) for p, v in settings.items())]:
-            try:
+            with _collected(problems), self._complaints.on_path(Change(path, (path,), value, place)):
                 changes.append(read_change(path, value, place))
-            except PathError as error:
-                problems += self._complaints.about_path(Change(path, (path,), value, place), error).problems
         return changes
 
     # --- what a case consists of ---------------------------------------------------------------------------
@@ -203,10 +200,8 @@ class CaseBuilder:
         return self._scenario_of(only_files, done), done
 
     def _put(self, data: Data, change: Change) -> list[Change]:
-        try:
+        with self._complaints.on_path(change):
             return put_into_scenario(data, change)
-        except PathError as error:
-            raise self._complaints.about_path(change, error) from error
 
     def _put_into_reference(self, data: Data, change: Change) -> list[Change]:
         """A field of a reference whose numbers stand in the scenario itself; nothing for one with a file."""
@@ -220,10 +215,8 @@ class CaseBuilder:
         if kind not in REFERENCES.kinds or REFERENCES[kind].file is not None:
             return []
         at = ("reference", kind, *change.parts[1:])
-        try:
+        with self._complaints.on_path(change):
             put(data, at, change.value, 2, "reference")
-        except PathError as error:
-            raise self._complaints.about_path(change, error) from error
         return [replace(change, at=at)]
 
     def _scenario_of(self, data: Data, changes: Sequence[Change], *, moves: bool = False) -> Scenario:
@@ -403,10 +396,8 @@ class CaseBuilder:
     def _with(self, document: Document, changes: Sequence[Change]) -> Data:
         data = deepcopy(document.data)
         for change in changes:
-            try:
+            with self._complaints.on_path(change):
                 put(data, change.parts[1:], change.value)
-            except PathError as error:
-                raise self._complaints.about_path(change, error) from error
         return data
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -256,9 +257,17 @@ class Complaints:
             place = place[:-1]  # the axis is called after the field
         return replace(self.study.problem(place, message, hint, at_key=at_key), where=change.path)
 
-    def about_path(self, change: Change, error: PathError) -> InputError:
-        """A complaint about a path that leads nowhere."""
-        return InputError(self.about(change, str(error), error.hint, is_name=True))
+    @contextmanager
+    def on_path(self, change: Change) -> Iterator[None]:
+        """Tell a path that leads nowhere where the study has it.
+
+        Raises:
+            InputError: The path of the change leads nowhere.
+        """
+        try:
+            yield
+        except PathError as error:
+            raise InputError(self.about(change, str(error), error.hint, is_name=True)) from error
 
     def validated(
         self, document: Document, model: type[ModelT], data: Data, changes: Sequence[Change], skip: int = 0

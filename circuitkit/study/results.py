@@ -77,6 +77,11 @@ def row_of(study: Study, run: Run) -> dict[str, Any]:
     )
 
 
+def outcome_of(study: Study, row: Row) -> Outcome:
+    """What became of the run of a row."""
+    return Outcome(int(row["seed"]), {name: row[name] for name in measures_in(study, [row])})
+
+
 def arrow() -> Any:  # noqa: ANN401 - a module that ships no types
     """The module pyarrow.
 
@@ -307,7 +312,8 @@ class Results:
             One for each cell, in the order of the study.
 
         Raises:
-            UnknownNameError: The study has no such axis.
+            UnknownNameError: The study has no such axis, or the scenario no such measure.
+            CircuitkitError: The measure is a number.
         """
         axes = tuple(self.study.axes)
         self.study.require_axes(by or ())
@@ -318,7 +324,7 @@ class Results:
             groups.setdefault(same, (cell, []))[1].extend(rows)
         found = []
         for cell, group in groups.values():
-            count = sum(bool(row[condition]) for row in group)
+            count = sum(outcome_of(self.study, row).holds(condition) for row in group)
             labels = {axis: cell.labels[axis] for axis in kept}
             texts = {axis: cell.texts[axis] for axis in kept}
             interval, means = wilson_interval(count, len(group)), self._means(group, condition)

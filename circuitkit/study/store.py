@@ -17,7 +17,7 @@ from typing import Any
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import replacing, write_text
 from circuitkit.study.cases import Outcome
-from circuitkit.study.results import Results, Row, arrow, measures_in, table_of
+from circuitkit.study.results import Results, Row, arrow, outcome_of, table_of
 from circuitkit.study.spec import RMS, Study, make_study
 from circuitkit.study.workers import versions
 
@@ -105,7 +105,7 @@ class Store:
                 f"{f'; and {more} more' if more > 0 else ''}; name another folder"
             )
             raise OtherStudyError(Problem("", 0, 0, "", message))
-        return {str(row["key"]): _outcome(study, row) for row in self._rows()}
+        return {str(row["key"]): outcome_of(study, row) for row in self._rows()}
 
     def add(self, study: Study, rows: Sequence[Row]) -> None:
         """Write the rows of a batch.
@@ -188,10 +188,6 @@ class Store:
     def _write(path: Path, table: Any) -> None:  # noqa: ANN401 - pyarrow ships no types
         with replacing(path) as part:
             arrow().parquet.write_table(table, part, compression="zstd")
-
-
-def _outcome(study: Study, row: Row) -> Outcome:
-    return Outcome(int(row["seed"]), {name: row[name] for name in measures_in(study, [row])})
 
 
 def read_results(folder: str | Path) -> Results:

@@ -49,6 +49,10 @@ def test_a_run_ends_so_long_after_its_push_and_a_row_has_the_scenarios_measures(
     assert share.means["furthest"] == pytest.approx(sum(each["furthest"] for each in expected) / 2)
     (near,) = results.shares(condition="near")
     assert near.survived == sum(row["near"] for row in results.rows)
+    with pytest.raises(UnknownNameError, match=r"^unknown measure 'nearr'; .*; did you mean 'near'\?$"):
+        results.shares(condition="nearr")
+    with pytest.raises(CircuitkitError, match=r"^found the measure 'furthest', which is a number; allowed: "):
+        results.shares(condition="furthest")
 
 
 def test_the_search_goes_on_while_a_measure_of_ones_own_holds(tmp_path):
