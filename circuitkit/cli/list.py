@@ -31,7 +31,8 @@ def register(app: typer.Typer) -> None:
 
 def list_names(
     kind: Annotated[
-        str | None, typer.Argument(metavar="[KIND]", help="Only these; an unknown KIND names all.")
+        str | None,
+        typer.Argument(metavar="[KIND]", help="Only these, such as robots; an unknown one names all."),
     ] = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON.")] = False,
