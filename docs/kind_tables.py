@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from circuitkit.base.catalogue import catalogue
+from circuitkit.base.catalogue import catalogue, summary
 from circuitkit.base.files import write_text
 from circuitkit.control.spec import KINDS
 from circuitkit.robots import Robot
@@ -35,10 +35,6 @@ def _table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
 
 
-def _summary(made: type) -> str:
-    return " ".join((made.__doc__ or "").partition("\n\n")[0].split())
-
-
 def _keys(model: type[BaseModel], without: Iterable[str] = ()) -> Iterable[tuple[str, str]]:
     for name, field in model.model_fields.items():
         if name not in without:
@@ -46,13 +42,13 @@ def _keys(model: type[BaseModel], without: Iterable[str] = ()) -> Iterable[tuple
 
 
 def _kinds(kinds: Mapping[str, type]) -> str:
-    return _table(("kind", "what it does"), ((f"`{kind}`", _summary(made)) for kind, made in kinds.items()))
+    return _table(("kind", "what it does"), ((f"`{kind}`", summary(made)) for kind, made in kinds.items()))
 
 
 def _with_keys(kinds: Mapping[str, type[BaseModel]], without: Iterable[str] = ()) -> str:
     rows = []
     for kind, made in kinds.items():
-        rows.append((f"**`{kind}`**", f"**{_summary(made)}**"))
+        rows.append((f"**`{kind}`**", f"**{summary(made)}**"))
         rows += _keys(made, without)
     return _table(("kind, its keys", "what it does"), rows)
 

@@ -41,8 +41,7 @@ def test_no_module_imports_one_that_imports_it(package):
     assert not circles
 
 
-# Commands import what they need when they run, so that `--help` is quick.
-@pytest.mark.parametrize("package", [name for name in PACKAGES if name != "cli"])
+@pytest.mark.parametrize("package", PACKAGES)
 def test_an_import_inside_a_function_says_why(package):
     bare = []
     for path in sorted((ROOT / "circuitkit" / package).rglob("*.py")):

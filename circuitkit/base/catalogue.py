@@ -1,25 +1,28 @@
-"""What ships: every folder of data files, with a line about each file."""
+"""What files and commands can name, a line about each: data files, and kinds that register themselves."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from circuitkit.base.errors import UnknownNameError
-from circuitkit.base.source import data_folder, read_yaml
-
-_PACKAGE = Path(__file__).parents[1]  # models lie inside of it
+from circuitkit.base.registry import Registry
+from circuitkit.base.source import data_files, data_folders, read_yaml
 
 
 @dataclass(frozen=True)
-class Shipped:
-    """A file that ships.
+class Listed:
+    """Something that can be named.
 
     Attributes:
-        kind: Such as "circuits".
-        name: By which commands find it.
+        kind: Such as "circuits", or "kinds-of-measures".
+        name: By which commands and files find it; the path of a file whose name is another one's.
         description: What it says of itself.
-        path: Where it lies.
+        path: Where it lies; of a kind, where its class does.
     """
 
     kind: str
@@ -28,40 +31,52 @@ class Shipped:
     path: Path
 
 
-def catalogue(kind: str | None = None) -> tuple[Shipped, ...]:
-    """All shipped files of a kind, or of all kinds.
+def catalogue(kind: str | None = None, registries: Iterable[Registry[Any]] = ()) -> tuple[Listed, ...]:
+    """All data files of a kind, or of all kinds; then the kinds of registries.
 
     Args:
         kind: Such as "circuits"; all if None.
+        registries: Their kinds are listed too: those of `Registry("measures", ...)` as "kinds-of-measures".
 
     Raises:
         UnknownNameError: There is no such kind; lists those there are.
     """
-    folders = _folders()
-    if kind is not None and kind not in folders:
-        what = "kind"
-        raise UnknownNameError(what, kind, folders)
-    found = []
-    for each, pattern in folders.items():
-        if kind in {None, each}:
-            top, _, rest = pattern.partition("/")
-            folder = _PACKAGE if top == _PACKAGE.name else data_folder(top)
-            for path in sorted(folder.glob(rest)):
-                name = path.parent.name if path.stem == "robot" else path.stem
-                found.append(Shipped(each, name, _description(path), path))
-    return tuple(found)
-
-
-def _folders() -> dict[str, str]:
-    """Where the files of a kind lie, as patterns from the top of the data; a folder in `sims` is a kind."""
-    inner = sorted(path.name for path in data_folder("sims").iterdir() if path.is_dir())
-    return {
-        "circuits": "circuits/*.yaml",
-        "robots": "robots/*/robot.yaml",
-        "scenarios": "sims/*.yaml",
-        **{name: f"sims/{name}/*.yaml" for name in inner},
-        "models": f"{_PACKAGE.name}/circuit/models/*/*.yaml",
+    listings: dict[str, Callable[[str], Iterable[Listed]]] = {
+        **{name: partial(_files, folders) for name, folders in file_kinds().items()},
+        **{f"kinds-of-{each.word.replace('_', '-')}": partial(_kinds, each) for each in registries},
     }
+    if kind is not None and kind not in listings:
+        what = "kind"
+        raise UnknownNameError(what, kind, listings)
+    return tuple(listed for name, give in listings.items() if kind in {None, name} for listed in give(name))
+
+
+def file_kinds() -> dict[str, list[str]]:
+    """The kinds of data files, and the folders in which each kind lies."""
+    return {
+        "circuits": ["circuits"],
+        "robots": ["robots"],
+        "scenarios": ["sims"],
+        **{inner: [f"sims/{inner}"] for inner in _folders_in("sims")},
+        "models": [f"models/{inner}" for inner in _folders_in("models")],
+    }
+
+
+def _folders_in(folder: str) -> list[str]:
+    """The folders in the folders of a kind, each of which holds files of a kind."""
+    inner = (path.name for place in data_folders(folder) for path in place.iterdir() if path.is_dir())
+    return sorted(name for name in set(inner) if data_files(f"{folder}/{name}"))
+
+
+def _files(folders: Iterable[str], kind: str) -> Iterator[Listed]:
+    for folder in folders:
+        for paths in data_files(folder, "*/robot.yaml" if folder == "robots" else "*.yaml").values():
+            for path in paths:
+                name, said = path.parent.name if folder == "robots" else path.stem, _description(path)
+                if path == paths[0]:
+                    yield Listed(kind, name, said, path)
+                else:
+                    yield Listed(kind, str(path), f"{said} (the name '{name}' is that of {paths[0]})", path)
 
 
 def _description(path: Path) -> str:
@@ -70,3 +85,13 @@ def _description(path: Path) -> str:
     known = data if isinstance(data, dict) else {}
     first = str(known.get("description", "")).partition("\n")[0].strip()
     return f"{path.parent.name.removesuffix('s')}: {first}" if "model" in known else first
+
+
+def _kinds(registry: Registry[Any], kind: str) -> Iterator[Listed]:
+    for name, made in registry.kinds.items():
+        yield Listed(kind, name, summary(made), Path(inspect.getfile(made)))
+
+
+def summary(made: type) -> str:
+    """The first paragraph of what a class says of itself, on one line."""
+    return " ".join((made.__doc__ or "").partition("\n\n")[0].split())

@@ -1,4 +1,4 @@
-"""Kinds that register themselves: our own by lying in a package, those of others through entry points."""
+"""What registers itself: our own kinds by lying in a package, those of others through entry points."""
 
 from __future__ import annotations
 
@@ -6,15 +6,36 @@ import importlib
 import inspect
 import logging
 import pkgutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from circuitkit.base.errors import UnknownNameError
 
 _LOG = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+
+def plugged_in(word: str, read: Callable[[EntryPoint], Iterable[T]]) -> Iterator[T]:
+    """What the plug-ins of others bring, in the alphabetical order of their entry points.
+
+    Args:
+        word: The end of the group's name `circuitkit.WORD`.
+        read: Gives what an entry point brings. Where it raises an exception, a warning says so, and the
+            plug-in is left out.
+    """
+    group = f"circuitkit.{word}"
+    for point in sorted(entry_points(group=group), key=lambda point: (point.name, point.value)):
+        try:
+            found = tuple(read(point))
+        except Exception as error:  # a plug-in of others may fail in any way, and must not stop us
+            why = f"{type(error).__name__}: {error}"
+            _LOG.warning("the plug-in '%s' of %s is left out: %s", point.name, group, why)
+        else:
+            yield from found
 
 
 class Kind(Protocol):
@@ -35,7 +56,12 @@ class Registry(Generic[KindT]):
 
     A kind is a class derived from `base` with a `kind` of its own. It is found in any module of `package`,
     and in what the entry points of the group `circuitkit.WORD` name: a class, a module, or a package.
+
+    Attributes:
+        every: The registries that there are, by their word.
     """
+
+    every: ClassVar[dict[str, Registry[Any]]] = {}
 
     def __init__(self, word: str, base: type[KindT], package: str | None = None) -> None:
         """Describe where to look.
@@ -48,18 +74,13 @@ class Registry(Generic[KindT]):
         self.word = word
         self._base = base
         self._package = package
+        self.every[word] = self
 
     @cached_property
     def kinds(self) -> Mapping[str, type[KindT]]:
         """The classes by their `kind`, in alphabetical order. A warning names plug-ins that fail."""
         found = {each.kind: each for each in self._own()}
-        group = f"circuitkit.{self.word}"
-        for point in entry_points(group=group):
-            try:
-                found |= {each.kind: each for each in self._of(point)}
-            except Exception as error:  # a plug-in of others may fail in any way, and must not stop us
-                why = f"{type(error).__name__}: {error}"
-                _LOG.warning("the plug-in '%s' of %s is left out: %s", point.name, group, why)
+        found |= plugged_in(self.word, lambda point: [(each.kind, each) for each in self._of(point)])
         return dict(sorted(found.items()))
 
     def __getitem__(self, kind: str) -> type[KindT]:

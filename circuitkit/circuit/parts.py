@@ -17,9 +17,9 @@ from circuitkit.base.source import (
     Document,
     Finding,
     Place,
-    data_folder,
     model_problems,
     scan_yaml,
+    shipped_file,
     shipped_names,
 )
 from circuitkit.circuit.spec import CircuitSpec, FileSpec, InstanceSpec
@@ -237,11 +237,7 @@ def _included_path(document: Document, name: str) -> Path:
     """Find the path of an included file: from here, or of a shipped circuit if it is a bare name."""
     path = Path(document.path).parent / name
     bare = not Path(name).suffix and len(Path(name).parts) == 1
-    return (
-        data_folder(FOLDER) / f"{name}.yaml"
-        if bare and not path.exists() and name in shipped_names(FOLDER)
-        else path
-    )
+    return (shipped_file(FOLDER, f"{name}.yaml") if bare and not path.exists() else None) or path
 
 
 def _unreadable(path: Path, name: str) -> tuple[str, str]:

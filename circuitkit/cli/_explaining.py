@@ -1,19 +1,19 @@
-"""How `circuitkit show FILE NEURON` prints one neuron."""
+"""How `circuitkit show FILE NEURON` prints one neuron: equations, numbers, and its curve in characters."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from circuitkit.circuit.authoring.explanation import Connection, Explanation, explain
 from circuitkit.circuit.graph import CircuitGraph, Neuron
-from circuitkit.cli.plot import text_plot
 from circuitkit.cli.printing import note, print_json, print_table
+from circuitkit.draw import draw_activations
 from circuitkit.draw.responses import Response, member, response, span
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+_WIDTH, _HEIGHT = 60, 12  # characters
+_ROUNDING = 1e-9  # of the width; an end nearer to 0 is 0
 
 
 def show_neuron(graph: CircuitGraph, name: str, picture: Path | None, *, as_json: bool) -> None:
@@ -23,8 +23,6 @@ def show_neuron(graph: CircuitGraph, name: str, picture: Path | None, *, as_json
     neuron = node if isinstance(node, Neuron) else member(node, explanation.index or 0)
     curve = response(neuron, *span([neuron]))
     if picture is not None:
-        from circuitkit.draw import draw_activations  # here, for the start-up: see app.py
-
         alone = replace(neuron, name=name)
         draw_activations(
             replace(graph, neurons=(alone,), populations=(), synapses=(), projections=(), outputs=()), picture
@@ -116,3 +114,41 @@ def _print_connections(title: str, end: str, connections: Sequence[Connection]) 
             for each in connections
         ),
     )
+
+
+def text_plot(x: Sequence[float], y: Sequence[float], x_title: str, y_title: str) -> Iterator[str]:
+    """The lines of a plot.
+
+    Args:
+        x: Ascending.
+        y: As many.
+        x_title: Stands below.
+        y_title: Stands above.
+    """
+    low, high = min(y), max(y)
+    tall = (high - low) or 1.0
+    wide = (x[-1] - x[0]) or 1.0
+    canvas = [[" "] * _WIDTH for _ in range(_HEIGHT)]
+    for column in range(_WIDTH):
+        begin, end = (x[0] + wide * (column + side) / _WIDTH for side in (0, 1))
+        values = [value for at, value in zip(x, y, strict=True) if begin <= at <= end]
+        for value in values or _between(x, y, (begin + end) / 2):
+            row = round((high - value) / tall * (_HEIGHT - 1))
+            canvas[row][column] = "*"
+    yield f"  {y_title}"
+    for row, line in enumerate(canvas):
+        label = f"{high - tall * row / (_HEIGHT - 1):9.3g}" if row in {0, _HEIGHT - 1} else " " * 9
+        yield f"{label} |{''.join(line)}".rstrip()
+    yield f"{' ' * 9} +{'-' * _WIDTH}"
+    left, right = (f"{end if abs(end) > _ROUNDING * wide else 0.0:.3g}" for end in (x[0], x[-1]))
+    yield f"{' ' * 11}{left}{right:>{_WIDTH - len(left)}}"
+    yield f"{' ' * 11}{x_title:^{_WIDTH}}".rstrip()
+
+
+def _between(x: Sequence[float], y: Sequence[float], at: float) -> list[float]:
+    """The value at a place between two others, by a straight line."""
+    for i in range(1, len(x)):
+        if x[i - 1] <= at <= x[i]:
+            share = (at - x[i - 1]) / ((x[i] - x[i - 1]) or 1.0)
+            return [y[i - 1] + share * (y[i] - y[i - 1])]
+    return []

@@ -1,8 +1,4 @@
-"""The list of the commands.
-
-Commands import what they need inside their functions: MuJoCo, matplotlib, pydantic and numpy take up to a
-second to import, which neither the help of a command nor another command should wait for.
-"""
+"""The list of the commands; `cli/__init__.py` says why they import late what they call."""
 
 from __future__ import annotations
 

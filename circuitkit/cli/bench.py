@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -41,9 +42,7 @@ def bench(
     repository, not in the installed package.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # numpy reads it when it is imported, which is later
-    from dataclasses import asdict  # here, for the start-up: see app.py
-
-    from circuitkit.study.bench import measure, select, shipped_cases
+    from circuitkit.study.bench import measure, select, shipped_cases  # late: see cli/__init__.py
 
     cases = select(shipped_cases(), names or [])
     rows = []

@@ -77,7 +77,7 @@ def compare(
     require_folder(output, video=video)
     values = named_values(settings, *SETTINGS)
 
-    from circuitkit.simulation import compare as run_comparison  # here, for the start-up: see app.py
+    from circuitkit.simulation import compare as run_comparison  # late: see cli/__init__.py
 
     results = run_comparison(
         scenario,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from itertools import groupby
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,9 +46,7 @@ def diff(
     Compared is what the files mean, in terms of neurons, synapses, inputs, outputs, parameters and timing. A
     neuron of another name that is otherwise the same counts as renamed. --set changes values of B.
     """
-    from dataclasses import asdict  # here, for the start-up: see app.py
-
-    from circuitkit.circuit.authoring.difference import compare_circuits
+    from circuitkit.circuit.authoring.difference import compare_circuits  # late: see cli/__init__.py
 
     changes = compare_circuits(read_graph(old, None), read_graph(new, settings))
     if as_json:

@@ -51,7 +51,7 @@ def draw(
 
     The suffix of OUT chooses the format. Missing folders of OUT are made.
     """
-    from circuitkit.draw import draw_activations, draw_circuit  # here, for the start-up: see app.py
+    from circuitkit.draw import draw_activations, draw_circuit  # late: see cli/__init__.py
 
     write = {What.GRAPH: draw_circuit, What.ACTIVATIONS: draw_activations}[what]
     write(read_graph(file, settings), output)

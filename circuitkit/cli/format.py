@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from circuitkit.base.errors import InputError
 from circuitkit.cli.printing import examples, note
 
 PLACE = 21
@@ -40,8 +41,7 @@ def format(
     Order of sections and keys, spacing, indentation, lines of 110 characters, and the spelling of quantities
     are made alike. Comments stay, and so does what the file means. A file with errors is left as it is.
     """
-    from circuitkit.base.errors import InputError  # here, for the start-up: see app.py
-    from circuitkit.circuit.authoring.formatting import format_file
+    from circuitkit.circuit.authoring.formatting import format_file  # late: see cli/__init__.py
 
     wrong = False
     for file in files:

@@ -7,20 +7,11 @@ from typing import Annotated
 
 import typer
 
-import circuitkit
+from circuitkit.cli.options import names_of_files
 from circuitkit.cli.printing import examples, note
 
 DEFAULT = Path("circuit.yaml")
 _ROBOT = Path("robot.yaml")
-_STARTERS = Path(circuitkit.__file__).parent / "circuit" / "authoring" / "starters"
-
-
-def _templates() -> str:
-    """The names of the templates, for the help, without the second that importing their module takes."""
-    *most, last = sorted(path.stem for path in _STARTERS.glob("*.yaml"))
-    return f"{', '.join(most)} or {last}"
-
-
 PLACE = 10
 
 
@@ -40,7 +31,12 @@ def init(
     file: Annotated[Path, typer.Argument(metavar="[FILE]", help="Where it goes.")] = DEFAULT,
     *,
     template: Annotated[
-        str, typer.Option("--from", metavar="TEMPLATE", help=f"Of what kind: {_templates()}.")
+        str,
+        typer.Option(
+            "--from",
+            metavar="TEMPLATE",
+            help=f"Of what kind: {names_of_files('circuit/authoring/starters', '.yaml')}.",
+        ),
     ] = "reflex",
     robot: Annotated[
         Path | None,
@@ -55,13 +51,13 @@ def init(
     MJCF. Missing folders of FILE are made.
     """
     if robot is not None:
-        from circuitkit.robots.starter import write_robot_starter  # here, for the start-up: see app.py
+        from circuitkit.robots.starter import write_robot_starter  # late: see cli/__init__.py
 
         path = write_robot_starter(robot, _ROBOT if file == DEFAULT else file, force=force)
         note(f"wrote {path}")
         note(f"next: a scenario with robot: {path}; docs/robots/README.md has an example")
         return
-    from circuitkit.circuit.authoring.starter import write_starter
+    from circuitkit.circuit.authoring.starter import write_starter  # late: see cli/__init__.py
 
     for path in write_starter(file, template, force=force):
         note(f"wrote {path}")

@@ -8,8 +8,10 @@ import sys
 import traceback
 from collections.abc import Sequence
 
+from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.files import reason
+
 DONE = 0
-INPUT_IS_WRONG = 1
 RUN_FAILED = 3
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
 PIPE_CLOSED = 141  # 128 + SIGPIPE, as shells report it
@@ -48,9 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_command(words: list[str]) -> int:
-    from typer.main import get_group  # here, for the start-up: see app.py
+    from typer.main import get_group  # here, so that Ctrl-C while commands are imported is one line, too
 
-    from circuitkit.cli.app import app
+    from circuitkit.cli.app import app  # the same
 
     group = get_group(app)
     command = group.commands.get(words[0]) if words else None
@@ -70,9 +72,6 @@ def _run_command(words: list[str]) -> int:
 
 def _report(error: Exception, debug: bool) -> int:
     """Print an error for a person and return the exit code."""
-    from circuitkit.base.errors import CircuitkitError
-    from circuitkit.base.files import reason
-
     if isinstance(error, CircuitkitError):
         text = str(error)
     elif isinstance(error, OSError):

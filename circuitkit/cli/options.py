@@ -7,8 +7,23 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
+import circuitkit
+
 if TYPE_CHECKING:
     from circuitkit.circuit import CircuitGraph
+
+
+def names_of_files(folder: str, ending: str) -> str:
+    """What files of the package are called, for the help, without importing what reads them.
+
+    Args:
+        folder: Where in the package they lie.
+        ending: Of their names, which is left out.
+    """
+    paths = (Path(circuitkit.__file__).parent / folder).glob(f"*{ending}")
+    *most, last = sorted(path.name.removesuffix(ending) for path in paths)
+    return f"{', '.join(most)} or {last}"
+
 
 CircuitFile: TypeAlias = Annotated[
     str, typer.Argument(metavar="FILE", help="A circuit file, or the name of a shipped circuit.")
@@ -25,7 +40,12 @@ Settings: TypeAlias = Annotated[
     ),
 ]
 Backend: TypeAlias = Annotated[
-    str, typer.Option("--backend", metavar="NAME", help="auto, numpy or compiled; auto takes the fastest.")
+    str,
+    typer.Option(
+        "--backend",
+        metavar="NAME",
+        help=f"auto, {names_of_files('engine/backends', '_backend.py')}; auto takes the fastest.",
+    ),
 ]
 Verbose: TypeAlias = Annotated[
     bool, typer.Option("--verbose", help="Also say which backend ran it, and why.")
@@ -104,6 +124,6 @@ def read_graph(file: str, settings: list[str] | None) -> CircuitGraph:
         typer.BadParameter: `--set` is not of the form NAME=VALUE.
         InputError: The file is wrong, or what `--set` makes of it; the message then names the option.
     """
-    from circuitkit.circuit import load_circuit  # here, for the start-up: see app.py
+    from circuitkit.circuit import load_circuit  # late: see cli/__init__.py
 
     return load_circuit(file, named_values(settings, *SETTINGS), option="--set")

@@ -15,6 +15,11 @@ def examples(*commands: str) -> str:
     return "\b\nExamples:\n" + "\n".join(f"  {command}" for command in commands)
 
 
+def counted(number: int, what: str) -> str:
+    """Such as `1 error` or `2 errors`."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
 def print_json(value: object) -> None:
     """Print JSON; what is not a finite number becomes `null`, for JSON has no other word for it."""
     print(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))
@@ -38,9 +43,9 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str
         headings: One for each column; a heading that starts with `>` makes the column flush right.
         rows: One text for each column.
     """
-    from rich import box  # here, for the start-up: see app.py
-    from rich.console import Console
-    from rich.table import Table
+    from rich import box  # late: see cli/__init__.py
+    from rich.console import Console  # the same
+    from rich.table import Table  # the same
 
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
     for heading in headings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,12 +58,10 @@ def reproduce(
     Writes report.html, which carries its pictures, and report.md. A call that was stopped goes on where it
     was when it is given again.
     """
-    from dataclasses import asdict  # here, for the start-up: see app.py
-
     if output.exists() and not output.is_dir():
         message = f"'{output}' is no folder"
         raise typer.BadParameter(message, param_hint="--output")
-    from circuitkit.paper.reproduce import reproduce as make
+    from circuitkit.paper.reproduce import reproduce as make  # late: see cli/__init__.py
 
     made = make(figures or [], output, quick=quick, workers=workers, again=again, progress=True, log=note)
     claims = [(finding.figure, claim) for finding in made.findings for claim in finding.claims]

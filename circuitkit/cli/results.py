@@ -7,9 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
-from circuitkit.cli.main import INTERRUPTED
 from circuitkit.cli.printing import note, print_json, print_table
 
 if TYPE_CHECKING:
@@ -41,7 +38,7 @@ def finish(
     if as_json:
         print_json(rows)
     else:
-        print_results(results)
+        _print_results(results)
         if output is not None:
             note(f"wrote {output}")
     for text in dict.fromkeys(result.backend for result in results if verbose and result.backend):
@@ -52,10 +49,10 @@ def finish(
         named = ", ".join(dict.fromkeys(str(row["controller"]) for row in rows))
         note(f"--set changes no run: it is for the controller circuit, and here is only {named}")
     if any(row["interrupted"] for row in rows):
-        raise typer.Exit(INTERRUPTED)
+        raise KeyboardInterrupt
 
 
-def print_results(results: Sequence[Result]) -> None:
+def _print_results(results: Sequence[Result]) -> None:
     """Print one line a run: the outcome, and every measure in its unit."""
     rows = [result.row() for result in results]
     units: dict[str, Unit | None] = {}

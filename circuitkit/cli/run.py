@@ -109,7 +109,7 @@ def run(
     constants = named_values(values, "--input", "zmp_y=70mm")
     if realtime is not None:
         _require_nothing_else(steps=steps, record=record, output=output)
-        from circuitkit.cli._realtime import run_realtime  # here, for the start-up: see app.py
+        from circuitkit.cli._realtime import run_realtime  # late: see cli/__init__.py
 
         run_realtime(
             read_graph(file, settings),
@@ -129,7 +129,12 @@ def run(
     if steps is None and table is None:
         message = "give --steps N, or --inputs TABLE.csv with one row a step"
         raise typer.BadParameter(message)
-    from circuitkit.engine.table import require_format, run_table, write_run
+    from circuitkit.engine.table import (  # late: see cli/__init__.py
+        csv_lines,
+        require_format,
+        run_table,
+        write_run,
+    )
 
     if output is not None:
         require_format(output)
@@ -152,7 +157,12 @@ def run(
         note(result.backend)
     if output is not None:
         write_run(result, output)
-    _print(result, output, as_json=as_json)
+    if as_json:
+        print_json(_summary(result, output))
+    elif output is not None:
+        note(f"wrote {output}: {result.steps} steps of {result.step_s * 1e3:g} ms")
+    else:
+        sys.stdout.writelines(csv_lines(result))
 
 
 def _require_nothing_else(**options: object) -> None:
@@ -162,23 +172,13 @@ def _require_nothing_else(**options: object) -> None:
         raise typer.BadParameter(message)
 
 
-def _print(result: RunTable, output: Path | None, *, as_json: bool) -> None:
-    """The summary, a note of the file that was written, or the table itself."""
-    from circuitkit.engine.table import csv_lines
-
-    if as_json:
-        print_json(
-            {
-                "circuit": result.circuit,
-                "steps": result.steps,
-                "step_s": result.step_s,
-                "units": {column.name: column.unit.symbol for column in result.columns},
-                "last": result.last(),
-                "recording": str(output) if output is not None else None,
-                "backend": result.backend,
-            }
-        )
-    elif output is not None:
-        note(f"wrote {output}: {result.steps} steps of {result.step_s * 1e3:g} ms")
-    else:
-        sys.stdout.writelines(csv_lines(result))
+def _summary(result: RunTable, output: Path | None) -> dict[str, object]:
+    return {
+        "circuit": result.circuit,
+        "steps": result.steps,
+        "step_s": result.step_s,
+        "units": {column.name: column.unit.symbol for column in result.columns},
+        "last": result.last(),
+        "recording": str(output) if output is not None else None,
+        "backend": result.backend,
+    }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from circuitkit.base.files import write_text
 from circuitkit.cli.printing import examples, note, print_json
 
 PLACE = 26
@@ -27,10 +29,7 @@ def schema(
     Editors that know it complete and check circuit files as they are typed. The first line of a circuit file
     names it: # yaml-language-server: $schema=circuit.schema.json
     """
-    import json  # here, for the start-up: see app.py
-
-    from circuitkit.base.files import write_text
-    from circuitkit.circuit import circuit_schema
+    from circuitkit.circuit import circuit_schema  # late: see cli/__init__.py
 
     if output is None:
         print_json(circuit_schema())

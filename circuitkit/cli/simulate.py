@@ -74,7 +74,7 @@ def simulate(
     require_folder(output, video=video)
     values = named_values(settings, *SETTINGS)
 
-    from circuitkit.simulation import simulate as run_simulation  # here, for the start-up: see app.py
+    from circuitkit.simulation import simulate as run_simulation  # late: see cli/__init__.py
 
     result = run_simulation(
         scenario,

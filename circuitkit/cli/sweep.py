@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from circuitkit.cli.printing import examples, note, print_json, print_table
+from circuitkit.base.units import format_quantity
+from circuitkit.cli.printing import counted, examples, note, print_json, print_table
 
 if TYPE_CHECKING:
-    from circuitkit.base.units import Unit
     from circuitkit.study import Results, Share, Study
     from circuitkit.study.driver import Estimate
 
@@ -87,18 +87,19 @@ def sweep(
     if output is None and not dry_run:
         message = "name a folder for the results: -o DIR"
         raise typer.BadParameter(message, param_hint="--output")
-    from circuitkit.study import load_study  # here, for the start-up: see app.py
+    from circuitkit.study import load_study  # late: see cli/__init__.py
+    from circuitkit.study import sweep as run_sweep  # the same
+    from circuitkit.study.driver import estimate  # the same
+    from circuitkit.study.workers import processors  # the same
 
     loaded = load_study(study)
     if seeds is not None:
         loaded = loaded.with_({"seeds": {"count": min(seeds, len(loaded.seeds))}})
     if dry_run:
-        _print_estimate(loaded, workers, as_json=as_json)
+        _print_estimate(loaded, estimate(loaded), workers or processors(), as_json=as_json)
         return
     axes = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
     loaded.require_axes(axes or ())
-    from circuitkit.study import sweep as run_sweep
-
     try:
         results = run_sweep(
             loaded,
@@ -112,14 +113,13 @@ def sweep(
         note(str(interruption))
         raise
     if as_json:
-        print_json(as_data(results, output, axes))
+        print_json(_as_data(results, output, axes))
         return
-    print_found(results, axes)
-    runs = "1 run" if len(results.rows) == 1 else f"{len(results.rows)} runs"
-    note(f"wrote {(output or Path()) / 'results.parquet'}: {runs}")
+    _print_found(results, axes)
+    note(f"wrote {(output or Path()) / 'results.parquet'}: {counted(len(results.rows), 'run')}")
 
 
-def as_data(results: Results, folder: Path | None = None, by: Sequence[str] | None = None) -> dict[str, Any]:
+def _as_data(results: Results, folder: Path | None = None, by: Sequence[str] | None = None) -> dict[str, Any]:
     """What was found, for JSON: limits in SI units, or shares."""
     search = results.study.search
     data: dict[str, Any] = {
@@ -157,7 +157,7 @@ def _of_share(share: Share) -> dict[str, Any]:
     }
 
 
-def print_found(results: Results, by: Sequence[str] | None = None) -> None:
+def _print_found(results: Results, by: Sequence[str] | None = None) -> None:
     """Print limits, or shares."""
     study, search = results.study, results.study.search
     if search is None or by is not None:
@@ -179,10 +179,10 @@ def print_found(results: Results, by: Sequence[str] | None = None) -> None:
     found = (
         (
             *limit.texts.values(),
-            _amount(limit.largest, unit),
+            format_quantity(limit.largest, unit),
             f"{limit.survived} of {limit.runs}",
             _percents(limit.interval),
-            "-" if limit.fails_at is None else _amount(limit.fails_at, unit),
+            "-" if limit.fails_at is None else format_quantity(limit.fails_at, unit),
         )
         for limit in results.limits()
     )
@@ -200,22 +200,12 @@ def _last(path: str) -> str:
     return path.rpartition(".")[2]
 
 
-def _amount(value_si: float, unit: Unit) -> str:
-    from circuitkit.base.units import format_quantity
-
-    return format_quantity(value_si, unit)
-
-
 def _percents(interval: tuple[float, float]) -> str:
     return f"{interval[0] * 100:.0f} to {interval[1] * 100:.0f} %"
 
 
-def _print_estimate(study: Study, workers: int | None, *, as_json: bool) -> None:
-    from circuitkit.study.driver import estimate
-    from circuitkit.study.workers import processors
-
-    found = estimate(study)
-    count = workers or processors()
+def _print_estimate(study: Study, found: Estimate, count: int, *, as_json: bool) -> None:
+    """What a study will take with so many workers."""
     seconds = found.seconds / min(count, found.runs)
     if as_json:
         print_json(_estimate_data(study, found, count, seconds))
@@ -229,10 +219,10 @@ def _print_estimate(study: Study, workers: int | None, *, as_json: bool) -> None
     span = f"{found.shortest_s:g} s"
     if not math.isclose(found.shortest_s, found.longest_s):
         span = f"{found.shortest_s:g} to {found.longest_s:g} s"
-    cells, each = _count(found.cells, "cell"), _count(len(study.seeds), "seed")
+    cells, each = counted(found.cells, "cell"), counted(len(study.seeds), "seed")
     print(f"{cells}, {each}: {about}{total}runs of {span} each")
     print(
-        f"about {_duration(seconds)} with {_count(count, 'worker')} here, by the time that a few robots took"
+        f"about {_duration(seconds)} with {counted(count, 'worker')} here, by the time that a few robots took"
     )
 
 
@@ -246,10 +236,6 @@ def _estimate_data(study: Study, found: Estimate, workers: int, seconds: float) 
         "workers": workers,
         "seconds": seconds,
     }
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _duration(seconds: float) -> str:

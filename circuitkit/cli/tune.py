@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from circuitkit.base.progress import progress_bar
-from circuitkit.cli.main import INTERRUPTED
 from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
@@ -82,8 +81,8 @@ def tune(
     Candidates are compared by training runs; the best one is then measured once, by test runs on other seeds.
     Ctrl-C keeps what is known and writes the best so far.
     """
-    from circuitkit.study.tuning.run import tune as run_tuning  # here, for the start-up: see app.py
-    from circuitkit.study.tuning.spec import load_tuning
+    from circuitkit.study.tuning.run import tune as run_tuning  # late: see cli/__init__.py
+    from circuitkit.study.tuning.spec import load_tuning  # the same
 
     tuning = load_tuning(study)
     with _progress(verbose=verbose) as progress:
@@ -105,7 +104,7 @@ def tune(
         _print(tuning, tuned)
         note(f"wrote {tuned.path}")
     if tuned.history.interrupted:
-        raise typer.Exit(INTERRUPTED)
+        raise KeyboardInterrupt
 
 
 def _print(tuning: Tuning, tuned: Tuned) -> None:

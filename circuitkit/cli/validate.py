@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import asdict
+from typing import Annotated
 
 import typer
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.cli.options import SETTINGS, Settings, named_values
-from circuitkit.cli.printing import examples, note, print_json
-
-if TYPE_CHECKING:
-    from circuitkit.base.errors import Problem
+from circuitkit.cli.printing import counted, examples, note, print_json
 
 PLACE = 20
 
@@ -39,8 +38,6 @@ def validate(
 
     Warnings do not make a file invalid.
     """
-    from dataclasses import asdict  # here, for the start-up: see app.py
-
     values = named_values(settings, *SETTINGS)
     findings = {file: _check(file, values) for file in files}
     errors = [problem for found, _ in findings.values() for problem in found]
@@ -65,13 +62,10 @@ def validate(
 
 def _check(file: str, values: dict[str, str]) -> tuple[tuple[Problem, ...], tuple[Problem, ...]]:
     """Errors and warnings of a file; of one without errors also those that other values bring."""
-    from circuitkit.circuit import check
+    from circuitkit.circuit import check, load_circuit  # late: see cli/__init__.py
 
     errors, warnings = check(file)
     if values and not errors:
-        from circuitkit.base.errors import InputError
-        from circuitkit.circuit import load_circuit
-
         try:
             load_circuit(file, values, option="--set")
         except InputError as error:
@@ -80,9 +74,5 @@ def _check(file: str, values: dict[str, str]) -> tuple[tuple[Problem, ...], tupl
 
 
 def _verdict(errors: int, warnings: int) -> str:
-    verdict = _count(errors, "error") if errors else "valid"
-    return f"{verdict}, {_count(warnings, 'warning')}" if warnings else verdict
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+    verdict = counted(errors, "error") if errors else "valid"
+    return f"{verdict}, {counted(warnings, 'warning')}" if warnings else verdict

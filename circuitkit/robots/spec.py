@@ -23,9 +23,10 @@ from circuitkit.base.source import (
     Document,
     FileModel,
     Place,
-    data_folder,
+    data_files,
     describe,
     read_yaml,
+    shipped_file,
     unfilled,
     validate_model,
 )
@@ -267,7 +268,7 @@ def robot_class() -> type[Robot]:
 
 def shipped_robots() -> tuple[str, ...]:
     """Names of the robots that come with circuitkit."""
-    return tuple(sorted(path.parent.name for path in data_folder(FOLDER).glob(f"*/{FILE_NAME}")))
+    return tuple(sorted(inner.partition("/")[0] for inner in data_files(FOLDER, f"*/{FILE_NAME}")))
 
 
 def robot_path(name_or_path: str | Path) -> Path:
@@ -281,10 +282,11 @@ def robot_path(name_or_path: str | Path) -> Path:
         return path / FILE_NAME
     if path.suffix or len(path.parts) != 1:
         return path
-    if path.name not in shipped_robots():
+    found = shipped_file(FOLDER, f"{path.name}/{FILE_NAME}")
+    if found is None:
         kind = "robot (a path to a robot.yaml is allowed as well)"
         raise UnknownNameError(kind, path.name, shipped_robots())
-    return data_folder(FOLDER) / path.name / FILE_NAME
+    return found
 
 
 def load_robot(name_or_path: str | Path) -> Robot:

@@ -8,18 +8,10 @@ from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, TypeVar
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
-from circuitkit.base.source import (
-    Data,
-    Document,
-    Place,
-    find_data_file,
-    read_yaml,
-    validate_model,
-)
+from circuitkit.base.source import Data, Document, Place, find_data_file, read_yaml, validate_model
 from circuitkit.control import ControllerSpec, load_controller, shipped_controllers
 from circuitkit.control.spec import FOLDER as CONTROLLERS
 from circuitkit.control.spec import without_kind
@@ -29,11 +21,17 @@ from circuitkit.simulation import Reference, Scenario
 from circuitkit.simulation.plan import BUILT_IN, CIRCUIT, OPEN_LOOP, Circuits, control_step, load_circuits
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import FOLDER, LONGEST_S, scenario_class
-from circuitkit.study.cases import FILES, Case, fingerprint
-from circuitkit.study.complaints import Complaints, about_file
-from circuitkit.study.duration import WATCH, require_moments, watched
-from circuitkit.study.paths import Change, PathError, put, put_into_scenario, read_change, without_gaps
-from circuitkit.study.spec import Cell, Settings, Study, cell_of
+from circuitkit.study.cases import FILES, WATCH, Case, fingerprint, require_moments, watched
+from circuitkit.study.changes import (
+    Change,
+    Complaints,
+    about_file,
+    put,
+    put_into_scenario,
+    read_change,
+    without_gaps,
+)
+from circuitkit.study.spec import Cell, Settings, Study, beside, cell_of, value_text
 
 T = TypeVar("T")
 
@@ -135,7 +133,7 @@ class CaseBuilder:
             reference=reference.value,
             controller=controller.value,
             circuits=circuits,
-            circuit_settings={name: _text(change.value) for name, change in set_in_circuit.items()},
+            circuit_settings={name: value_text(change.value) for name, change in set_in_circuit.items()},
             numbers={
                 "reference": reference.numbers,
                 "controller": controller.numbers,
@@ -150,10 +148,8 @@ class CaseBuilder:
         given = [(path, value, ("set", path)) for path, value in self._study.file.set.items()]
         changes = []
         for path, value, place in [*given, *((p, v, places.get(p)) for p, v in settings.items())]:
-            try:
+            with _collected(problems), self._complaints.on_path(Change(path, (path,), value, place)):
                 changes.append(read_change(path, value, place))
-            except PathError as error:
-                problems += self._complaints.about_path(Change(path, (path,), value, place), error).problems
         return changes
 
     # --- what a case consists of ---------------------------------------------------------------------------
@@ -162,7 +158,7 @@ class CaseBuilder:
     def _base(self) -> Document:
         name = self._study.file.scenario
         try:
-            return read_yaml(find_data_file(self._beside(name), FOLDER))
+            return read_yaml(find_data_file(beside(self._study.document, name), FOLDER))
         except InputError as error:
             raise about_file(self._study.document, ("scenario",), error, name) from error
 
@@ -185,7 +181,7 @@ class CaseBuilder:
         for change in outer:
             changed, names_file = change, change.parts[0] in FILES and isinstance(change.value, str)
             if names_file:
-                changed = replace(change, value=self._beside(change.value))
+                changed = replace(change, value=beside(self._study.document, change.value))
                 with _collected([]):
                     self._put(only_files, changed)
             with _collected(problems):
@@ -204,10 +200,8 @@ class CaseBuilder:
         return self._scenario_of(only_files, done), done
 
     def _put(self, data: Data, change: Change) -> list[Change]:
-        try:
+        with self._complaints.on_path(change):
             return put_into_scenario(data, change)
-        except PathError as error:
-            raise self._complaints.about_path(change, error) from error
 
     def _put_into_reference(self, data: Data, change: Change) -> list[Change]:
         """A field of a reference whose numbers stand in the scenario itself; nothing for one with a file."""
@@ -221,10 +215,8 @@ class CaseBuilder:
         if kind not in REFERENCES.kinds or REFERENCES[kind].file is not None:
             return []
         at = ("reference", kind, *change.parts[1:])
-        try:
+        with self._complaints.on_path(change):
             put(data, at, change.value, 2, "reference")
-        except PathError as error:
-            raise self._complaints.about_path(change, error) from error
         return [replace(change, at=at)]
 
     def _scenario_of(self, data: Data, changes: Sequence[Change], *, moves: bool = False) -> Scenario:
@@ -339,7 +331,7 @@ class CaseBuilder:
         self, scenario: Scenario, outer: Sequence[Change], changes: Mapping[str, Change]
     ) -> Circuits:
         """The circuit; another circuit than the scenario's may be judged by the scenario's own."""
-        values = {name: _text(change.value) for name, change in changes.items()}
+        values = {name: value_text(change.value) for name, change in changes.items()}
         base = self._base_circuit
         if scenario.circuit is None:
             if changes:
@@ -401,19 +393,11 @@ class CaseBuilder:
         value: T = self._cache[key]
         return value
 
-    def _beside(self, name: str) -> str:
-        """A file that the study names, from the study's own folder if it is a relative path."""
-        path = Path(name)
-        beside = Path(self._study.document.path).parent / path
-        return str(beside) if (path.suffix and not path.is_absolute() and beside.is_file()) else name
-
     def _with(self, document: Document, changes: Sequence[Change]) -> Data:
         data = deepcopy(document.data)
         for change in changes:
-            try:
+            with self._complaints.on_path(change):
                 put(data, change.parts[1:], change.value)
-            except PathError as error:
-                raise self._complaints.about_path(change, error) from error
         return data
 
 
@@ -446,7 +430,3 @@ def _without_paths(robot: Robot) -> dict[str, Any]:
 
 def _name_of(robot: str | Robot) -> str:
     return robot.robot if isinstance(robot, Robot) else str(robot)
-
-
-def _text(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,28 +1,34 @@
-"""Cases: everything that determines a run but its seed."""
+"""Cases: everything that determines a run but its seed, how long it lasts, and what becomes of it."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
 
+from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnknownNameError
 from circuitkit.control import ControllerSpec
 from circuitkit.simulation import Plan, Reference, RunSpec, Scenario
+from circuitkit.simulation.disturbances.fault import Fault
+from circuitkit.simulation.disturbances.push import Push
+from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.plan import Body, Circuits, make_body
+from circuitkit.simulation.scenario import LONGEST_S
+from circuitkit.study.spec import RMS
 
 FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
 _NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself
-_OWN_FORM = {
-    "disturbances",
-    "measures",
-    "reference",
-}  # keys that are written as in a file, without empty kinds
+_OWN_FORM = {"disturbances", "measures", "reference"}  # keys that are written as a file has them
+_SEED_MARK = "\N{SYMBOL FOR SUBSTITUTE}seed"  # where the seed goes in a description
+WATCH = "watch"  # the key of a study
+_HORIZONS_S = (60.0, 600.0, LONGEST_S)  # in which moments of the reference are looked for, the cheapest first
+_KEPT_BODIES = 16  # robots with their motions that a process keeps
 
 
 @dataclass(frozen=True)
@@ -110,7 +116,128 @@ class Case:
         return json.dumps(everything, ensure_ascii=False).replace(f'"{_SEED_MARK}"', _SEED_MARK, 1)
 
 
-_SEED_MARK = "\N{SYMBOL FOR SUBSTITUTE}seed"
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one run.
+
+    Attributes:
+        seed: Its seed.
+        values: The scenario's measures, and `rms_COMMAND`, the root mean square of every command of the
+            controller up to the end, [SI unit]; None for what has no value.
+    """
+
+    seed: int
+    values: Mapping[str, Value]
+
+    @property
+    def survived(self) -> bool:
+        """Whether the robot got through."""
+        return self.holds("survived")
+
+    def holds(self, measure: str) -> bool:
+        """Whether a measure is true.
+
+        Raises:
+            UnknownNameError: There is no such measure; lists those there are.
+            CircuitkitError: It is a number.
+        """
+        if measure not in self.values:
+            kind = "measure"
+            raise UnknownNameError(kind, measure, (name for name in self.values if not name.startswith(RMS)))
+        value = self.values[measure]
+        if value is not None and not isinstance(value, bool):
+            message = f"found the measure '{measure}', which is a number; allowed: one that is true or false"
+            raise CircuitkitError(message)
+        return bool(value)
+
+    def row(self) -> dict[str, Any]:
+        """The outcome as columns."""
+        return {"seed": self.seed, **self.values}
+
+
+def plan_of(case: Case) -> Plan:
+    """The plan of a case; robots and their motions are made once, as long as they are in use."""
+    return case.plan(_body(_Keyed(case.body_key, lambda: case.plan().body)))
+
+
+@dataclass(frozen=True)
+class _Keyed:
+    """How to make something, and what it depends on."""
+
+    key: str
+    make: Callable[[], Body] = field(compare=False)
+
+
+@lru_cache(maxsize=_KEPT_BODIES)
+def _body(wanted: _Keyed) -> Body:
+    return wanted.make()
+
+
+def watched(scenario: Scenario, reference: Reference, step_s: float, watch_s: float) -> Scenario:
+    """The scenario that ends so long after the end of its last push; as it is without a push.
+
+    Args:
+        scenario: The scenario.
+        reference: Its reference.
+        step_s: The control step.
+        watch_s: How long.
+
+    Raises:
+        InputError: A push starts at no moment of the reference, or the run would last too long.
+    """
+    if not scenario.pushes:
+        return scenario
+    ticks = int(np.ceil(round((max(_ends_s(scenario, reference)) + watch_s) / step_s, 6)))
+    duration = round(ticks * step_s, 9)
+    if duration > LONGEST_S:
+        message = f"found {watch_s:g} s, so that a run lasts {duration:g} s; allowed: {LONGEST_S:g} s in all"
+        raise InputError(Problem("", 0, 0, WATCH, message))
+    for each in scenario.befalling:
+        if isinstance(each, Fault) and isinstance(each.start, float) and each.start >= duration:
+            message = f"the fault of {each.channel} starts after the end; allowed: before {duration:g} s"
+            raise InputError(Problem("", 0, 0, WATCH, message))
+    return scenario.model_copy(update={"duration": duration})
+
+
+def require_moments(scenario: Scenario, reference: Reference) -> None:
+    """See whether everything that starts at a moment of the reference does so before the end.
+
+    Raises:
+        InputError: There is no such moment.
+    """
+    for k, each in enumerate(scenario.befalling):
+        if isinstance(start := getattr(each, "start", None), Mapping):
+            _start_s(reference, start, f"disturbances[{k}].{each.kind}", (scenario.duration,))
+
+
+def _ends_s(scenario: Scenario, reference: Reference) -> Iterator[float]:
+    """When each push ends, [s]."""
+    for k, each in enumerate(scenario.befalling):
+        if isinstance(each, Push):
+            start = _start_s(reference, each.start, f"disturbances[{k}].{each.kind}", _HORIZONS_S)
+            yield start + each.duration
+
+
+def _start_s(reference: Reference, start: Any, where: str, horizons_s: Sequence[float]) -> float:  # noqa: ANN401 - as files have it
+    """When a disturbance starts, [s]: at a time, or at a moment of the reference.
+
+    Args:
+        reference: Knows moments.
+        start: The time, or the words of the moment.
+        where: The disturbance, for complaints.
+        horizons_s: Ends of the runs in which it is looked for, one after the other.
+
+    Raises:
+        InputError: There is no such moment.
+    """
+    if not isinstance(start, Mapping):
+        return float(start)
+    for horizon_s in horizons_s:
+        try:
+            return reference.moment(start, horizon_s).time_s
+        except InputError as error:
+            problems = error.problems
+    raise InputError(*(replace(each, where=f"{where}.{each.where}") for each in problems))
 
 
 def _as_in_a_file(scenario: Scenario) -> dict[str, Any]:

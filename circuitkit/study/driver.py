@@ -14,14 +14,12 @@ from circuitkit.base.progress import progress_bar
 from circuitkit.simulation.disturbances.delay import Delay
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.study.case_builder import CaseBuilder
-from circuitkit.study.cases import Case
-from circuitkit.study.jobs import Job, Outcome, run_job
-from circuitkit.study.results import Results
-from circuitkit.study.rows import row_of
+from circuitkit.study.cases import Case, Outcome
+from circuitkit.study.results import Results, row_of
 from circuitkit.study.scheduler import CasesByCell, Progress, Task, boundary_of, drive
 from circuitkit.study.spec import Settings, Study, read_study
 from circuitkit.study.store import Store
-from circuitkit.study.workers import Workers, open_workers
+from circuitkit.study.workers import Job, Workers, open_workers, run_job
 
 
 def load_study(name_or_path: str | Path) -> Study:

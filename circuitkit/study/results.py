@@ -1,23 +1,135 @@
-"""Results: one row a run, and what the rows say: limits with their confidence, or shares."""
+"""Results: one row a run, as a table, and what the rows say: limits with their confidence, or shares."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from circuitkit.base.errors import CircuitkitError
+import circuitkit
+from circuitkit.base.errors import CircuitkitError, MissingDependencyError
 from circuitkit.base.units import parse_quantity
-from circuitkit.study.rows import Row, measures_in
+from circuitkit.study.cases import Case, Outcome
 from circuitkit.study.search import allowed_failures, boundary
-from circuitkit.study.spec import RMS, Cell, Label, Study
-from circuitkit.study.table import table_of
+from circuitkit.study.spec import RESERVED, RMS, Cell, Label, Study
 
 if TYPE_CHECKING:
     import pyarrow
+
+Row: TypeAlias = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a cell, done.
+
+    Attributes:
+        cell: Number of the cell.
+        index: Number of the searched value on its grid; 0 without search.
+        case: What was run.
+        outcome: What became of it.
+    """
+
+    cell: int
+    index: int
+    case: Case
+    outcome: Outcome
+
+
+def measures_in(study: Study, rows: Iterable[Row]) -> list[str]:
+    """The columns of measures in the scenario's order, and then those of commands in alphabetical order."""
+    searched = () if study.search is None else (study.search.field,)
+    others = {*study.axes, *searched, *RESERVED}
+    names = dict.fromkeys(name for row in rows for name in row if name not in others)
+    return [*(n for n in names if not n.startswith(RMS)), *sorted(n for n in names if n.startswith(RMS))]
+
+
+def rows_of(study: Study, runs: Iterable[Run]) -> tuple[Row, ...]:
+    """The rows of runs, in the order of the cells, searched values and seeds."""
+    ordered = sorted(runs, key=lambda run: (run.cell, run.index, run.outcome.seed))
+    return tuple(row_of(study, run) for run in ordered)
+
+
+def row_of(study: Study, run: Run) -> dict[str, Any]:
+    """The row of a run.
+
+    Raises:
+        CircuitkitError: An axis has the name of a measure.
+    """
+    seed, search = run.outcome.seed, study.search
+    row: dict[str, Any] = dict(study.cells[run.cell].labels)
+    if search is not None:
+        row[search.field] = parse_quantity(search.value(run.index)).value_si
+    if clash := row.keys() & run.outcome.row().keys():
+        message = f"found an axis '{min(clash)}', which is a measure of the scenario; allowed: another name"
+        raise CircuitkitError(message)
+    return (
+        row
+        | run.outcome.row()
+        | {
+            "scenario": run.case.description(seed),
+            "version": circuitkit.__version__,
+            "key": run.case.run_key(seed),
+        }
+    )
+
+
+def outcome_of(study: Study, row: Row) -> Outcome:
+    """What became of the run of a row."""
+    return Outcome(int(row["seed"]), {name: row[name] for name in measures_in(study, [row])})
+
+
+def arrow() -> Any:  # noqa: ANN401 - a module that ships no types
+    """The module pyarrow.
+
+    Raises:
+        MissingDependencyError: It is not installed.
+    """
+    try:
+        import pyarrow  # an extra
+        import pyarrow.parquet  # the same
+    except ImportError as error:
+        package, extra = "pyarrow", "study"
+        raise MissingDependencyError(package, extra, "writing the results of a sweep") from error
+    return pyarrow
+
+
+def table_of(study: Study, rows: Sequence[Row]) -> pyarrow.Table:
+    """Rows as an Arrow table with the same columns whatever their order.
+
+    Raises:
+        MissingDependencyError: pyarrow is not installed.
+    """
+    pa = arrow()
+    fields = [_labelled(pa, study, axis) for axis in study.axes]
+    if study.search is not None:
+        fields.append(_with_unit(pa.field(study.search.field, pa.float64()), study.search.step))
+    fields.append(pa.field("seed", pa.int64()))
+    fields += [pa.field(name, _type_of(pa, name, rows)) for name in measures_in(study, rows)]
+    fields += [pa.field(name, pa.string()) for name in ("scenario", "version", "key")]
+    columns = [pa.array([row.get(field.name) for row in rows], type=field.type) for field in fields]
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
+
+
+def _type_of(pa: Any, name: str, rows: Iterable[Row]) -> Any:  # noqa: ANN401 - a module that ships no types
+    """Truth values, or numbers."""
+    return pa.bool_() if any(isinstance(row.get(name), bool) for row in rows) else pa.float64()
+
+
+def _labelled(pa: Any, study: Study, axis: str) -> Any:  # noqa: ANN401 - a module that ships no types
+    values = study.axes[axis]
+    if all(isinstance(value.label, bool) for value in values):
+        return pa.field(axis, pa.bool_())
+    if all(isinstance(value.label, float) for value in values):
+        return _with_unit(pa.field(axis, pa.float64()), values[0].text)
+    return pa.field(axis, pa.string())
+
+
+def _with_unit(field: Any, text: str) -> Any:  # noqa: ANN401 - as above
+    return field.with_metadata({"unit": parse_quantity(text).dimension.si_symbol})
 
 
 def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -200,7 +312,8 @@ class Results:
             One for each cell, in the order of the study.
 
         Raises:
-            UnknownNameError: The study has no such axis.
+            UnknownNameError: The study has no such axis, or the scenario no such measure.
+            CircuitkitError: The measure is a number.
         """
         axes = tuple(self.study.axes)
         self.study.require_axes(by or ())
@@ -211,7 +324,7 @@ class Results:
             groups.setdefault(same, (cell, []))[1].extend(rows)
         found = []
         for cell, group in groups.values():
-            count = sum(bool(row[condition]) for row in group)
+            count = sum(outcome_of(self.study, row).holds(condition) for row in group)
             labels = {axis: cell.labels[axis] for axis in kept}
             texts = {axis: cell.texts[axis] for axis in kept}
             interval, means = wilson_interval(count, len(group)), self._means(group, condition)

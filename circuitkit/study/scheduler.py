@@ -6,7 +6,6 @@ what its own runs have shown, and a run's outcome is its own.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
@@ -14,13 +13,11 @@ from typing import TypeAlias
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.study.case_builder import CaseBuilder
-from circuitkit.study.cases import Case
-from circuitkit.study.jobs import Done, Job, Outcome
-from circuitkit.study.results import Results
-from circuitkit.study.rows import Run, rows_of
+from circuitkit.study.cases import Case, Outcome
+from circuitkit.study.results import Results, Run, rows_of
 from circuitkit.study.search import Boundary, EachBoundary, Request, Strategy, grid_runs
 from circuitkit.study.spec import Settings, Study
-from circuitkit.study.workers import Workers
+from circuitkit.study.workers import Done, Job, Workers
 
 BATCH = 32  # runs in a batch, at most
 _LEAST = 4  # a batch is not cut smaller to keep a worker busy
@@ -184,7 +181,13 @@ class _Cell:
 
 @dataclass(eq=False)
 class _Pending:
-    """A run that one or more cells ask for, and that is not done yet."""
+    """A run that one or more cells ask for, and that is not done yet.
+
+    Attributes:
+        case: What is run.
+        seed: Its seed.
+        asked_by: The cells that wait for it, each with its request.
+    """
 
     case: Case
     seed: int
@@ -204,7 +207,7 @@ class _Scheduler:
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self._pending: dict[str, _Pending] = {}  # by the run's key; also those that are under way
-        self._waiting: dict[str, deque[str]] = {}  # keys of runs, by what they share
+        self._waiting: dict[str, list[str]] = {}  # keys of runs, by what they share
         self._outcomes = {key: outcome for task in tasks for key, outcome in task.known.items()}
         self.done = 0
         self._cells = [
@@ -262,7 +265,7 @@ class _Scheduler:
 
     def _keep(self, shared: str, keys: set[str]) -> None:
         """Let only these of the runs that share something go on waiting."""
-        left = deque(key for key in self._waiting[shared] if key in keys)
+        left = [key for key in self._waiting[shared] if key in keys]
         if left:
             self._waiting[shared] = left
         else:
@@ -325,4 +328,4 @@ class _Scheduler:
             self._pending[key].asked_by.append((cell, request))
         else:
             self._pending[key] = _Pending(case, seed, [(cell, request)])
-            self._waiting.setdefault(case.shared_key, deque()).append(key)
+            self._waiting.setdefault(case.shared_key, []).append(key)

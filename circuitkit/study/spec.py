@@ -27,6 +27,8 @@ from circuitkit.base.source.fields import Ratio, Seconds
 from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 FOLDER = "sims/studies"
+RESERVED = ("seed", "scenario", "version", "key")  # columns that every table of results has
+RMS = "rms_"  # what the columns of commands begin with
 
 # A value of an axis: as in the file, or in SI units where it has one.
 Label: TypeAlias = "str | int | float | bool | None"
@@ -163,8 +165,8 @@ Axis: TypeAlias = Annotated[
 ]
 
 
-class StudyFile(FileModel):
-    """Many runs of one scenario."""
+class StudyHead(FileModel):
+    """What every study begins with, whether it sweeps or tunes."""
 
     study: str = Field(description="Name.")
     description: str = ""
@@ -177,6 +179,11 @@ class StudyFile(FileModel):
         gt=0,
         description="The run ends this long after the end of the last push, not at the scenario's duration.",
     )
+
+
+class StudyFile(StudyHead):
+    """Many runs of one scenario."""
+
     axes: dict[str, Axis] = Field(
         default={},
         description="What varies: a list of values of the field that the axis is called after, or names of "
@@ -353,11 +360,6 @@ def _study(document: Document) -> Study:
     return study
 
 
-# Columns that every table of results has.
-RESERVED = ("seed", "scenario", "version", "key")
-RMS = "rms_"  # what the columns of commands begin with
-
-
 def _values(name: str, axis: Sequence[Any] | Mapping[str, Settings]) -> list[AxisValue]:
     if isinstance(axis, Mapping):
         return [
@@ -365,7 +367,7 @@ def _values(name: str, axis: Sequence[Any] | Mapping[str, Settings]) -> list[Axi
             for label, settings in axis.items()
         ]
     return [
-        AxisValue(label, _text(value), {name: value}, ("axes", name, i), named=False)
+        AxisValue(label, value_text(value), {name: value}, ("axes", name, i), named=False)
         for i, (value, label) in enumerate(zip(axis, _labels(axis), strict=True))
     ]
 
@@ -375,16 +377,24 @@ def _labels(values: Sequence[Any]) -> Sequence[Label]:
     if all(isinstance(value, bool) for value in values):
         return values
     try:
-        quantities = [parse_quantity(_text(value)) for value in values]
+        quantities = [parse_quantity(value_text(value)) for value in values]
     except UnitError:
-        return [_text(value) for value in values]
+        return [value_text(value) for value in values]
     if len({quantity.dimension for quantity in quantities}) > 1:
-        return [_text(value) for value in values]
+        return [value_text(value) for value in values]
     return [quantity.value_si for quantity in quantities]
 
 
-def _text(value: object) -> str:
+def value_text(value: object) -> str:
+    """A value as a file would have it."""
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def beside(document: Document, name: str) -> str:
+    """A file that a study names, from the study's own folder if it is a relative path and lies there."""
+    path = Path(name)
+    there = Path(document.path).parent / path
+    return str(there) if path.suffix and not path.is_absolute() and there.is_file() else name
 
 
 def cell_of(chosen: Mapping[str, AxisValue]) -> Cell:

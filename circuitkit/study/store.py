@@ -12,18 +12,14 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import replacing, write_text
-from circuitkit.study.jobs import Outcome, versions
-from circuitkit.study.results import Results
-from circuitkit.study.rows import Row, measures_in
+from circuitkit.study.cases import Outcome
+from circuitkit.study.results import Results, Row, arrow, outcome_of, table_of
 from circuitkit.study.spec import RMS, Study, make_study
-from circuitkit.study.table import arrow, table_of
-
-if TYPE_CHECKING:
-    pass
+from circuitkit.study.workers import versions
 
 _FORMAT = 1
 _UNSEEN = ("description",)  # keys of a study that determine no run
@@ -109,7 +105,7 @@ class Store:
                 f"{f'; and {more} more' if more > 0 else ''}; name another folder"
             )
             raise OtherStudyError(Problem("", 0, 0, "", message))
-        return {str(row["key"]): _outcome(study, row) for row in self._rows()}
+        return {str(row["key"]): outcome_of(study, row) for row in self._rows()}
 
     def add(self, study: Study, rows: Sequence[Row]) -> None:
         """Write the rows of a batch.
@@ -192,10 +188,6 @@ class Store:
     def _write(path: Path, table: Any) -> None:  # noqa: ANN401 - pyarrow ships no types
         with replacing(path) as part:
             arrow().parquet.write_table(table, part, compression="zstd")
-
-
-def _outcome(study: Study, row: Row) -> Outcome:
-    return Outcome(int(row["seed"]), {name: row[name] for name in measures_in(study, [row])})
 
 
 def read_results(folder: str | Path) -> Results:

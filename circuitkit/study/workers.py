@@ -1,6 +1,7 @@
-"""Where jobs are done: in this process, in processes of this machine, or on a Dask scheduler's workers.
+"""Jobs, which are runs that are stepped together, and who does them.
 
-Each is an `Executor` of `concurrent.futures`; anybody's own may take its place, in a `Workers`.
+They are done in this process, in processes of this machine, or by a Dask scheduler's workers. Each is an
+`Executor` of `concurrent.futures`; anybody's own may take its place, in a `Workers`.
 """
 
 from __future__ import annotations
@@ -8,15 +9,22 @@ from __future__ import annotations
 import os
 import re
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 
+import mujoco
+import numpy as np
+
+import circuitkit
 from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
-from circuitkit.study.jobs import Done, Job, run_job, versions
+from circuitkit.simulation import Disturbance, RunSpec
+from circuitkit.simulation.loop import run_and_watch
+from circuitkit.study.cases import Case, Outcome, plan_of
+from circuitkit.study.spec import RMS
 
 # One thread each for the libraries below numpy: the processes share the cores already.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
@@ -25,6 +33,77 @@ _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):
 _MOST_WORKERS = 1024
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Job:
+    """Runs of cases that share everything but what may differ in a batch.
+
+    Attributes:
+        case: One of the cases.
+        specs: The runs.
+    """
+
+    case: Case
+    specs: tuple[RunSpec, ...]
+
+
+def versions() -> dict[str, str]:
+    """The packages on which the bits of a run depend, with their versions."""
+    return {
+        "circuitkit": circuitkit.__version__,
+        "mujoco": mujoco.__version__,
+        "numpy": np.__version__,
+    }
+
+
+@dataclass(frozen=True)
+class Done:
+    """A job that is done.
+
+    Attributes:
+        outcomes: One for each run, or what keeps that run's case from being run.
+        versions: Where it was done.
+    """
+
+    outcomes: tuple[Outcome | CircuitkitError, ...]
+    versions: Mapping[str, str] = field(default_factory=versions)
+
+
+def run_job(job: Job) -> Done:
+    """Do a job with one thread.
+
+    A run gets the same outcome, to the last bit, whatever the other runs of its job are.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C came; nothing is kept.
+    """
+    return Done(_outcomes(job.case, job.specs))
+
+
+def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | CircuitkitError, ...]:
+    try:
+        plan = plan_of(case)
+        tracker = run_and_watch(plan.setup(plan.controller(case.controller), specs), threads=1)
+    except CircuitkitError as error:
+        kinds: list[tuple[Disturbance, ...]] = []
+        for spec in specs:
+            if spec.disturbances not in kinds:
+                kinds.append(spec.disturbances)
+        if len(kinds) == 1:
+            return (error,) * len(specs)
+        found: dict[int, Outcome | CircuitkitError] = {}  # whose fault is it?
+        for disturbances in kinds:
+            chosen = [i for i, spec in enumerate(specs) if spec.disturbances == disturbances]
+            some = _outcomes(case, tuple(specs[i] for i in chosen))
+            found |= dict(zip(chosen, some, strict=True))
+        return tuple(found[i] for i in range(len(specs)))
+    each = zip(specs, tracker.measures(), tracker.effort(), strict=True)
+    return tuple(Outcome(spec.seed, {**measures, **_named(effort)}) for spec, measures, effort in each)
+
+
+def _named(effort: Mapping[str, float]) -> dict[str, float]:
+    return {f"{RMS}{name}": value for name, value in effort.items()}
 
 
 class WorkerError(CircuitkitError):

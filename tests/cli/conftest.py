@@ -1,4 +1,4 @@
-"""`circuitkit`: runs a command line inside this process, in a folder of its own."""
+"""Fixtures that run a command line inside this process, in a folder of its own."""
 
 from __future__ import annotations
 
@@ -28,5 +28,18 @@ def circuitkit(
         code = main(words)
         printed = capsys.readouterr()
         return Outcome(code, printed.out, printed.err)
+
+    return call
+
+
+@pytest.fixture
+def refused(circuitkit: Callable[..., Outcome]) -> Callable[..., str]:
+    """The one line by which a command refuses wrong input; it prints nothing else and exits with 1."""
+
+    def call(*words: str) -> str:
+        outcome = circuitkit(*words)
+        assert (outcome.code, outcome.out) == (1, "")
+        (line,) = outcome.err.splitlines()
+        return line
 
     return call

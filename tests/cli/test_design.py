@@ -98,23 +98,19 @@ def test_a_robot_that_walks(circuitkit, tmp_path):
         ((*PUSH[1:], "-o", "w.gif"), "w.gif: found the suffix '.gif'; allowed: .png, .svg, .pdf"),
     ],
 )
-def test_mistakes(circuitkit, words, message):
-    outcome = circuitkit("design", *words)
-    assert (outcome.code, outcome.out) == (1, "")
-    assert outcome.err.startswith(message)
+def test_mistakes(refused, words, message):
+    assert refused("design", *words).startswith(message)
 
 
-def test_a_robot_that_is_no_biped_is_refused(circuitkit):
-    outcome = circuitkit(*PUSH, "--robot", "vehicle")
-    assert (outcome.code, outcome.out) == (1, "")
-    assert "the robot file has no block 'biped', which says what are torso, feet and legs" in outcome.err
+def test_a_robot_that_is_no_biped_is_refused(refused):
+    said = refused(*PUSH, "--robot", "vehicle")
+    assert "the robot file has no block 'biped', which says what are torso, feet and legs" in said
 
 
-def test_an_unknown_unit_is_told_with_what_was_meant(circuitkit):
-    outcome = circuitkit("design", "--force", "20Nn", "--duration", "200ms")
-    assert outcome.code == 1
-    assert outcome.err.startswith("--force: unknown unit 'Nn'; allowed: ")
-    assert "did you mean" in outcome.err
+def test_an_unknown_unit_is_told_with_what_was_meant(refused):
+    said = refused("design", "--force", "20Nn", "--duration", "200ms")
+    assert said.startswith("--force: unknown unit 'Nn'; allowed: ")
+    assert "did you mean" in said
 
 
 def test_a_gait_needs_a_robot(circuitkit):

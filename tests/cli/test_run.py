@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from circuitkit.engine.backends import BACKEND_NAMES
 from circuitkit.engine.backends.c import build
 
 INPUTS = ["force_difference", "zmp_y"]
@@ -256,3 +257,9 @@ def test_a_rate_of_nothing(circuitkit):
         1,
         "rate: found -5; allowed: numbers above 0, up to 100000\n",
     )
+
+
+def test_the_help_names_every_backend(circuitkit):
+    said = " ".join(circuitkit("run", "--help").out.split())
+    *most, last = BACKEND_NAMES
+    assert f"auto, {', '.join(most)} or {last}; auto takes the fastest" in said

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from circuitkit.base.source import data_folder
-from circuitkit.cli.plot import text_plot
+from circuitkit.cli._explaining import text_plot
 
 FILE = data_folder("circuits") / "binn_lateral.yaml"
 

@@ -1,19 +1,15 @@
-"""Start-up: the help of every command comes at once; a module that imports late says why, once."""
+"""Start-up: the help of every command comes at once."""
 
 from __future__ import annotations
 
-import ast
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from circuitkit import cli
 from circuitkit.cli.app import COMMANDS
 
-MODULES = sorted(Path(next(iter(cli.__path__))).glob("*.py"))
 LONGEST_S = 0.3
 
 
@@ -32,16 +28,3 @@ def test_the_help_takes_less_than_0_3_s_of_the_processor(command):
         if taken[-1] < LONGEST_S:
             break
     assert min(taken) < LONGEST_S
-
-
-@pytest.mark.parametrize("module", MODULES, ids=[module.stem for module in MODULES])
-def test_imports_inside_functions_say_why_once_a_module(module):
-    text = module.read_text(encoding="utf-8")
-    functions = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
-    inner = [
-        text.splitlines()[node.lineno - 1]
-        for function in functions
-        for node in ast.walk(function)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-    ]
-    assert not inner or any("  # " in line for line in inner)

@@ -10,8 +10,8 @@ from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.simulation import RunSpec, load_scenario, make_plan
 from circuitkit.simulation.loop import run_loop
 from circuitkit.study import CaseBuilder, make_study, open_workers, run_cases, sweep
-from circuitkit.study.tuning.check import check
 from circuitkit.study.tuning.measure import Measure
+from circuitkit.study.tuning.run import check
 from circuitkit.study.tuning.spec import load_tuning
 
 PUSH = {"body": "cart", "force": "1 N", "direction": "forward", "duration": "200 ms", "start": "0.5 s"}
@@ -49,6 +49,10 @@ def test_a_run_ends_so_long_after_its_push_and_a_row_has_the_scenarios_measures(
     assert share.means["furthest"] == pytest.approx(sum(each["furthest"] for each in expected) / 2)
     (near,) = results.shares(condition="near")
     assert near.survived == sum(row["near"] for row in results.rows)
+    with pytest.raises(UnknownNameError, match=r"^unknown measure 'nearr'; .*; did you mean 'near'\?$"):
+        results.shares(condition="nearr")
+    with pytest.raises(CircuitkitError, match=r"^found the measure 'furthest', which is a number; allowed: "):
+        results.shares(condition="furthest")
 
 
 def test_the_search_goes_on_while_a_measure_of_ones_own_holds(tmp_path):

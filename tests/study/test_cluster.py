@@ -12,8 +12,7 @@ import pytest
 from study.cut import small_study
 
 from circuitkit.study import open_workers, sweep
-from circuitkit.study.jobs import Done, versions
-from circuitkit.study.workers import WorkerError, require_same_versions
+from circuitkit.study.workers import Done, WorkerError, require_same_versions, versions
 
 
 @pytest.mark.parametrize("address", ["nonsense", "", "http://127.0.0.1:1", "tcp://127.0.0.1", "tcp://:8786"])

@@ -3,7 +3,14 @@
 Circuits, robots, scenarios and all others are read through here, so that all give the same messages.
 """
 
-from circuitkit.base.source.data_files import data_folder, find_data_file, shipped_names
+from circuitkit.base.source.data_files import (
+    data_files,
+    data_folder,
+    data_folders,
+    find_data_file,
+    shipped_file,
+    shipped_names,
+)
 from circuitkit.base.source.document import Data, Document, Mark, Place, place_text
 from circuitkit.base.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
 from circuitkit.base.source.validation import (
@@ -25,7 +32,9 @@ __all__ = [
     "Finding",
     "Mark",
     "Place",
+    "data_files",
     "data_folder",
+    "data_folders",
     "describe",
     "dump_yaml",
     "find_data_file",
@@ -35,6 +44,7 @@ __all__ = [
     "read_yaml",
     "scan_text",
     "scan_yaml",
+    "shipped_file",
     "shipped_names",
     "unfilled",
     "validate_model",

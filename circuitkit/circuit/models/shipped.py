@@ -1,4 +1,4 @@
-"""The models of this folder, read when they are first asked for."""
+"""The models that ship, in this folder, and those of plug-ins, read when they are first asked for."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from functools import lru_cache
 from pathlib import Path
 
 from circuitkit.base.errors import UnknownNameError
-from circuitkit.base.source import read_yaml
+from circuitkit.base.source import read_yaml, shipped_file, shipped_names
 from circuitkit.circuit.models.model import NeuronModel, SynapseModel
 from circuitkit.circuit.models.reading import read_neuron_model, read_synapse_model
 
-_FOLDER = Path(__file__).parent
-NEURON_MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("neurons/*.yaml")))
-SYNAPSE_MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("synapses/*.yaml")))
+_NEURONS, _SYNAPSES = "models/neurons", "models/synapses"
+NEURON_MODEL_NAMES: tuple[str, ...] = shipped_names(_NEURONS)
+SYNAPSE_MODEL_NAMES: tuple[str, ...] = shipped_names(_SYNAPSES)
 
 
 @lru_cache
@@ -22,10 +22,7 @@ def neuron_model(name: str) -> NeuronModel:
     Raises:
         UnknownNameError: There is none; the message lists those there are.
     """
-    if name not in NEURON_MODEL_NAMES:
-        kind = "model"
-        raise UnknownNameError(kind, name, NEURON_MODEL_NAMES)
-    return read_neuron_model(read_yaml(_FOLDER / "neurons" / f"{name}.yaml"))
+    return read_neuron_model(read_yaml(_file(_NEURONS, name)))
 
 
 @lru_cache
@@ -35,10 +32,15 @@ def synapse_model(name: str) -> SynapseModel:
     Raises:
         UnknownNameError: There is none; the message lists those there are.
     """
-    if name not in SYNAPSE_MODEL_NAMES:
+    return read_synapse_model(read_yaml(_file(_SYNAPSES, name)))
+
+
+def _file(folder: str, name: str) -> Path:
+    found = shipped_file(folder, f"{name}.yaml")
+    if found is None:
         kind = "model"
-        raise UnknownNameError(kind, name, SYNAPSE_MODEL_NAMES)
-    return read_synapse_model(read_yaml(_FOLDER / "synapses" / f"{name}.yaml"))
+        raise UnknownNameError(kind, name, shipped_names(folder))
+    return found
 
 
 STATIC = synapse_model("static")

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.study.cases import Outcome
 from circuitkit.study.driver import run_cases
-from circuitkit.study.jobs import Outcome
-from circuitkit.study.tuning.objective import Row, Score, score
+from circuitkit.study.results import Row
+from circuitkit.study.tuning.objective import Score, score
 from circuitkit.study.tuning.runs import Runs
 from circuitkit.study.tuning.search import Candidate, History, Trial
 from circuitkit.study.tuning.spec import TRAIN, Tuning

@@ -14,10 +14,10 @@ from pydantic import ConfigDict, Field, model_validator
 from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import parse_quantity, parse_unit
+from circuitkit.study.results import Row
 from circuitkit.study.tuning.runs import Condition
 from circuitkit.study.tuning.space import QuantityText
 
-Row = Mapping[str, Any]
 LIMIT = "limit"  # the figure that is no column
 
 

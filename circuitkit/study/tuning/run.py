@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from circuitkit.base.errors import CircuitkitError, InputError, Problem
-from circuitkit.base.source import Place, find_data_file
+from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.source import Data, Place, find_data_file, read_yaml
+from circuitkit.base.units import format_quantity
+from circuitkit.circuit import load_circuit
 from circuitkit.study.case_builder import CaseBuilder
-from circuitkit.study.cases import fingerprint
-from circuitkit.study.tuning.check import check
+from circuitkit.study.cases import Case, fingerprint, plan_of
+from circuitkit.study.spec import RMS
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.measure import Measure, Progress, Reporter
-from circuitkit.study.tuning.objective import Score
+from circuitkit.study.tuning.objective import LIMIT, Score
 from circuitkit.study.tuning.result import folder_of, make_folder, provenance, write_result
-from circuitkit.study.tuning.runs import Runs
+from circuitkit.study.tuning.runs import Condition, Runs
 from circuitkit.study.tuning.search import History, Search, Trial, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
-from circuitkit.study.tuning.start import start_of
 from circuitkit.study.workers import Workers, open_workers
+
+_ALL_DIGITS = 17
 
 
 @dataclass(frozen=True)
@@ -203,3 +207,116 @@ def _search(tuning: Tuning, runs: Sequence[Runs]) -> Search:
         spread=spec.spread,
         definition=fingerprint((tuning.definition(), inputs)),
     )
+
+
+def check(tuning: Tuning, runs: Sequence[Runs]) -> None:
+    """See whether what is searched exists and may have the values of its range, and the cases are sound.
+
+    So are the figures of the objective: whatever the first runs would have complained about.
+
+    Raises:
+        InputError: With everything that is not; says where in the file of the tuning.
+    """
+    spec, document = tuning.spec, tuning.document
+    problems: list[Problem] = []
+    for each in runs:
+        builder = CaseBuilder(each.study)
+        for condition in each.conditions:
+            try:
+                builder.case({**condition.settings, **tuning.settings({})})
+            except InputError as error:
+                problems += [_placed(tuning, condition, problem) for problem in error.problems]
+    builder, first_condition = CaseBuilder(runs[0].study), runs[0].conditions[0]
+    for name, searched in () if problems else spec.parameters.items():
+        ends = searched.choices or (searched.low, searched.high)
+        for text in map(str, ends):
+            try:
+                builder.case({**first_condition.settings, **tuning.settings({name: text})})
+            except InputError as error:
+                found = error.problems[0]
+                at_key = found.message.startswith("unknown")
+                place: Place = ("tune", "parameters", name)
+                problems.append(document.problem(place, found.message, found.hint, at_key=at_key))
+                break
+    problems += () if problems else _unknown_figures(tuning, runs)
+    if problems:
+        first = {(problem.file, problem.line, problem.column): problem for problem in reversed(problems)}
+        raise InputError(*sorted(first.values(), key=lambda each: (each.file, each.line, each.column)))
+
+
+def _unknown_figures(tuning: Tuning, runs: Sequence[Runs]) -> Iterator[Problem]:
+    """Terms of the objective whose figure some of their runs will not have."""
+    spec = tuning.spec
+    direction = "maximise" if spec.maximise else "minimise"
+    by_name = {each.name: each for each in runs}
+    known: dict[str, tuple[str, ...]] = {}
+    for number, term in enumerate(spec.terms):
+        if term.figure == LIMIT:
+            continue
+        used = by_name[term.runs] if term.runs else runs[0]
+        builder = CaseBuilder(used.study)
+        for condition in used.conditions:
+            case = builder.case({**condition.settings, **tuning.settings({})})
+            if case.shared_key not in known:
+                known[case.shared_key] = _columns(case)
+            allowed = (LIMIT, *known[case.shared_key])
+            if term.figure not in allowed:
+                message = f"unknown figure '{term.figure}'; allowed: {listing(allowed)}"
+                place: Place = ("tune", direction, number, "figure")
+                yield tuning.document.problem(place, message, suggest(term.figure, allowed))
+                break
+
+
+def _columns(case: Case) -> tuple[str, ...]:
+    """The columns of a case's results that a figure can be, known without a run."""
+    plan = plan_of(case)
+    commands = plan.controller(case.controller).commands
+    return (*plan.judge.units, *(f"{RMS}{name}" for name in commands))
+
+
+def _placed(tuning: Tuning, condition: Condition, problem: Problem) -> Problem:
+    """A problem with a place in the file of the tuning, if it has none of its own."""
+    if problem.file:
+        return problem
+    fallback: Place = ("tune", tuning.spec.target)
+    place = next((at for path, at in condition.places.items() if problem.where.startswith(path)), fallback)
+    return replace(tuning.document.problem(place, problem.message, problem.hint), where=problem.where)
+
+
+def start_of(tuning: Tuning) -> dict[str, Any]:
+    """The first candidate: what the file gives, else what the base has, else the middle of the range."""
+    own = _own_values(tuning)
+    start = {}
+    for name, searched in tuning.spec.parameters.items():
+        start[name] = tuning.start.get(name, searched.middle())
+        if name not in tuning.start and name in own:
+            with suppress(UnitError):  # outside of the range
+                start[name] = searched.number(own[name])
+    return start
+
+
+def _own_values(tuning: Tuning) -> dict[str, str]:
+    """What the base has for what is searched, as far as it is known, by name."""
+    if tuning.spec.target != "circuit":
+        data = read_yaml(find_data_file(tuning.base, folder_of(tuning))).data
+        flat = dict(_flattened(data, ""))
+        return {name: flat[name] for name in tuning.spec.parameters if name in flat}
+    graph = load_circuit(tuning.base)
+    own: dict[str, str] = {"timing": graph.timing}
+    for name, searched in tuning.spec.parameters.items():
+        node, _, key = name.rpartition(".")
+        parameters = next((each.parameters for each in graph.neurons if each.name == node), {})
+        if name in graph.parameters:
+            own[name] = format_quantity(graph.parameters[name].value_si, searched.unit, _ALL_DIGITS)
+        elif key in parameters:
+            own[name] = format_quantity(float(parameters[key]), searched.unit, _ALL_DIGITS)
+    return own
+
+
+def _flattened(data: Data, name: str) -> Iterator[tuple[str, str]]:
+    """The values of mappings in mappings by their path."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _flattened(value, f"{name}.{key}" if name else key)
+    elif not isinstance(data, list):
+        yield name, str(data)

@@ -14,16 +14,15 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 
 from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
 from circuitkit.base.source import Document, FileModel, Place, find_data_file, read_yaml, validate_model
-from circuitkit.base.source.fields import Ratio, Seconds
+from circuitkit.base.source.fields import Ratio
 from circuitkit.base.units import parse_quantity
 from circuitkit.circuit.spec import PlainName
-from circuitkit.study.spec import FOLDER, Seeds
+from circuitkit.study.spec import FOLDER, Seeds, StudyHead, beside
 from circuitkit.study.tuning.objective import LIMIT, Term
 from circuitkit.study.tuning.runs import Runs, RunSet, in_words, make_runs
 from circuitkit.study.tuning.space import Searched, ValueText, start_values
 
 TARGETS = ("circuit", "controller", "reference")
-SEED = "seed"
 _LEAST = 4  # of fewer candidates CMA-ES learns nothing about how its ranges belong together
 TRAIN, TEST, CONFIRM = "train", "test", "confirm"
 
@@ -135,16 +134,9 @@ class TuneSpec(FileModel):
         return self.maximise or self.minimise or ()
 
 
-class TuningFile(FileModel):
+class TuningFile(StudyHead):
     """A tuning."""
 
-    study: str = Field(description="Name.")
-    description: str = ""
-    scenario: str = Field(description="A shipped scenario, or the path of a scenario file.")
-    set: dict[str, Any] = Field(default={}, description="Fields, by path, that differ from the scenario's.")
-    watch: Seconds | None = Field(
-        default=None, gt=0, description="Runs end this long after the end of the last push."
-    )
     tune: TuneSpec
 
 
@@ -168,10 +160,7 @@ class Tuning:
     @property
     def base(self) -> str:
         """The file that is tuned; a relative path counts from the study's folder if it is there."""
-        path = Path(self.spec.base)
-        beside = Path(self.document.path).parent / path
-        is_there = bool(path.suffix) and not path.is_absolute() and beside.is_file()
-        return str(beside) if is_there else self.spec.base
+        return beside(self.document, self.spec.base)
 
     @cached_property
     def start(self) -> dict[str, Any]:

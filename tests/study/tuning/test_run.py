@@ -19,10 +19,9 @@ from circuitkit.study.tuning import result as result_module
 from circuitkit.study.tuning.measure import Measure, Progress
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.result import write_result
-from circuitkit.study.tuning.run import Tuned, tune
+from circuitkit.study.tuning.run import Tuned, start_of, tune
 from circuitkit.study.tuning.search import Candidate
 from circuitkit.study.tuning.spec import load_tuning
-from circuitkit.study.tuning.start import start_of
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,8 @@ from small_tuning import SMALL, written
 
 from circuitkit.base.errors import InputError
 from circuitkit.study import CaseBuilder
-from circuitkit.study.tuning.check import check
-from circuitkit.study.tuning.run import tune
+from circuitkit.study.tuning.run import check, start_of, tune
 from circuitkit.study.tuning.spec import load_tuning
-from circuitkit.study.tuning.start import start_of
 
 
 def checked(path: Path) -> None:
