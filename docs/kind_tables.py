@@ -15,6 +15,8 @@ from pydantic import BaseModel
 from circuitkit.base.catalogue import catalogue
 from circuitkit.base.files import write_text
 from circuitkit.control.spec import KINDS
+from circuitkit.paper.reproduce import FIGURES
+from circuitkit.paper.reproduce.figure import select
 from circuitkit.robots import Robot
 from circuitkit.robots.parts import REFERENCES as PARTS_OF_MJCF
 from circuitkit.robots.spec import blocks
@@ -62,6 +64,15 @@ def _shipped_controllers() -> str:
     return _table(("file", "what it is"), rows)
 
 
+def _figures() -> str:
+    """In the order of the report."""
+    rows = (
+        (f"`{name}`", _summary(FIGURES[name]), ", ".join(f"`{study}`" for study in FIGURES[name].studies))
+        for name in select()
+    )
+    return _table(("figure", "what it does", "study"), rows)
+
+
 def _parts() -> str:
     lines = [""]
     for each in PARTS_OF_MJCF.values():
@@ -82,6 +93,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "controller_files": _shipped_controllers,
     "controllers": lambda: _with_keys(KINDS.kinds, ("controller", "description")),
     "parts": _parts,
+    "figures": _figures,
     "robot_blocks": lambda: _with_keys(blocks.kinds),
     "robot_file": lambda: _table(("key", "what it says"), _keys(Robot)),
 }

@@ -138,6 +138,17 @@ def test_links_between_files_lead_somewhere():
             assert not place or place in anchors(there), f"{page.name} links to {target}"
 
 
+def test_every_picture_is_on_a_page():
+    shown = {
+        (page.parent / target).resolve()
+        for page in TEXTS
+        for target in re.findall(r"(?:\]\(|src=\")([^)\"]+)", page.read_text(encoding="utf-8"))
+    }
+    pictures = [path for path in (ROOT / "docs").rglob("*.*") if path.suffix in {".png", ".svg", ".webp"}]
+    assert pictures
+    assert [path for path in pictures if path.resolve() not in shown] == []
+
+
 @pytest.mark.parametrize("page", TEXTS, ids=[page.relative_to(ROOT).as_posix() for page in TEXTS])
 def test_every_command_that_a_page_names_takes_these_options(page):
     """Also those that take too long to be run; a command in the text may lack what it needs."""
