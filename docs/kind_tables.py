@@ -73,6 +73,21 @@ def _figures() -> str:
     return _table(("figure", "what it does", "study"), rows)
 
 
+def _robot_circuits() -> str:
+    """The circuits that robots' pages link to, in the order in which these speak of them."""
+    said = {each.name: each.description for each in catalogue("circuits")}
+    rows = []
+    for page in sorted((DOCS / "robots").glob("[a-z]*.md")):
+        found = re.findall(r"\.\./\.\./circuits/(\w+)\.yaml", page.read_text(encoding="utf-8"))
+        for name in dict.fromkeys(found):
+            robot, circuit = (
+                f"[{page.stem}](../robots/{page.name})",
+                f"[`{name}`](../../circuits/{name}.yaml)",
+            )
+            rows.append((robot, circuit, said[name]))
+    return _table(("robot", "circuit", "what it does"), rows)
+
+
 def _parts() -> str:
     lines = [""]
     for each in PARTS_OF_MJCF.values():
@@ -94,6 +109,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "controllers": lambda: _with_keys(KINDS.kinds, ("controller", "description")),
     "parts": _parts,
     "figures": _figures,
+    "robot_circuits": _robot_circuits,
     "robot_blocks": lambda: _with_keys(blocks.kinds),
     "robot_file": lambda: _table(("key", "what it says"), _keys(Robot)),
 }
