@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from circuitkit.base.catalogue import catalogue
 from circuitkit.base.files import write_text
+from circuitkit.base.units import UNIT_SYMBOLS
 from circuitkit.control.spec import KINDS
 from circuitkit.paper.reproduce import FIGURES
 from circuitkit.paper.reproduce.figure import select
@@ -88,12 +89,13 @@ def _robot_circuits() -> str:
     return _table(("robot", "circuit", "what it does"), rows)
 
 
-def _parts() -> str:
+def _listed(words: Iterable[str], between: str) -> str:
+    """Words in lines, as code."""
     lines = [""]
-    for each in PARTS_OF_MJCF.values():
-        if len(lines[-1]) + len(each.usage) > _WIDTH:
+    for word in words:
+        if len(lines[-1]) + len(word) > _WIDTH:
             lines.append("")
-        lines[-1] += f"{each.usage}   "
+        lines[-1] += word + between
     return "\n".join(["```", *(line.rstrip() for line in lines), "```"])
 
 
@@ -107,7 +109,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "measures": lambda: _with_keys(MEASURES.kinds),
     "controller_files": _shipped_controllers,
     "controllers": lambda: _with_keys(KINDS.kinds, ("controller", "description")),
-    "parts": _parts,
+    "parts": lambda: _listed((each.usage for each in PARTS_OF_MJCF.values()), "   "),
+    "units": lambda: _listed(UNIT_SYMBOLS, " "),
     "figures": _figures,
     "robot_circuits": _robot_circuits,
     "robot_blocks": lambda: _with_keys(blocks.kinds),

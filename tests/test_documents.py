@@ -203,7 +203,7 @@ def test_lines_are_at_most_120_columns_wide(page):
             "docs/studies.md",
             "push_limits.yaml",
             ["sweep", "--dry-run"],
-            {"open_loop}": "open_lop}", "push.direction:": "push.directoin:"},
+            {"push.direction:": "push.directoin:", "0.2 s, 0.4 s]": "0.2 s, 0.4 m]"},
         ),
     ],
 )

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from circuitkit.base.units import UNIT_SYMBOLS
 from circuitkit.circuit import check, circuit_schema, load_circuit
 from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
@@ -77,10 +76,3 @@ def test_every_model_is_listed_with_its_parameters(names, model):
 def test_every_function_of_expressions_is_listed():
     listed = re.search(r"functions\s`(.*?)`", PAGE)[1].split()
     assert sorted(listed) == sorted(SCALAR_FUNCTIONS)
-
-
-def test_every_unit_is_listed():
-    listed = set(re.search(r"built\sfrom\s`(.*?)`", PAGE)[1].split())
-    electrical = re.search(r"`(A V ohm S F)`", PAGE)[1].split()
-    prefixes = ["", *re.search(r"`(p n u m k M)`", PAGE)[1].split()]
-    assert listed | {prefix + symbol for symbol in electrical for prefix in prefixes} == set(UNIT_SYMBOLS)
