@@ -163,6 +163,17 @@ def test_every_command_that_a_page_names_takes_these_options(page):
         assert {word for word in words if re.match(r"--?[a-z]", word)} <= options, line
 
 
+def test_make_has_every_target_that_a_page_names_and_calls_commands_that_exist():
+    makefile, known = (ROOT / "Makefile").read_text(encoding="utf-8"), get_group(app).commands
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    for page in TEXTS:
+        named = re.findall(r"(?:`|^)make ([a-z-]+)", page.read_text(encoding="utf-8"), re.MULTILINE)
+        assert set(named) <= targets, page.name
+    for line in re.findall(r"^\t\$\(BIN\)/(circuitkit .*)$", makefile, re.MULTILINE):
+        name, *words = words_of(line)
+        known[name].make_context(name, words)
+
+
 def test_every_name_of_the_package_in_a_page_exists():
     registries = re.findall(r'\bRegistry\(\s*"(\w+)"', "".join(map(Path.read_text, SOURCES)))
     groups = {f"circuitkit.{registry}" for registry in registries}  # of entry points
