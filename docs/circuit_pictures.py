@@ -401,7 +401,7 @@ def balanced_network() -> Figure:
     counted = (2.4, 3.0, 4.0, 5.0)
     rates = [_small_balanced(600, drive=f"{each} nA")[0].mean() / step_s for each in counted]
     right.plot(counted, rates, "o", color=CYCLE[1], markersize=4, label="counted")
-    right.set(xlabel="drive [nA]", ylabel="spikes a second", ylim=(0, None))
+    right.set(xlabel="drive [nA]", ylabel="firing rate [1/s]", ylim=(0, None))
     right.legend(frameon=False)
     return figure
 
@@ -447,7 +447,9 @@ def hand_over() -> Figure:
     for inside in (0.0, values["margin"], values["margin"] + values["hold"]):
         left.axvline((limits["left_limit"] - inside) * MM, color=GREY, linewidth=0.7)
     left.set(xlabel="DCM, to the left [mm]", ylabel="step to the left")
-    left.legend(frameon=False, loc="center left")
+    left.legend(
+        frameon=False, loc="center", bbox_to_anchor=(30, 0.5), bbox_transform=left.transData, handlelength=1.4
+    )
     time_s = np.arange(120) * program.step_s
     dcm = (
         0.02 + 0.07 * np.exp(-(((time_s - 0.35) / 0.15) ** 2)) - 0.07 * np.exp(-(((time_s - 0.9) / 0.1) ** 2))

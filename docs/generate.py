@@ -9,9 +9,7 @@ import contextlib
 import io
 import os
 import runpy
-import shutil
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
@@ -21,8 +19,6 @@ from circuitkit.cli.app import COMMANDS
 from circuitkit.cli.main import main
 
 DOCS = Path(__file__).parent
-IMAGES = DOCS / "img"
-STILLS_S = (5.68, 6.6, 7.2)  # during the push, and after it until one of them falls
 HEAD = """# The commands
 
 Written by `make docs` from what `--help` prints. Exit codes of all: 0 done, 1 the input is wrong, 2 wrong
@@ -46,37 +42,6 @@ def commands_page() -> str:
     return "\n".join([HEAD, *sections])
 
 
-def write_pictures() -> None:
-    """The pictures that the README shows."""
-    for name in ("binn_lateral", "binn_planar"):
-        main(["draw", name, "-o", str(IMAGES / f"{name}.png")])
-    curves = str(IMAGES / "binn_lateral_activations.png")
-    main(["draw", "binn_lateral", "--what", "activations", "-o", curves])
-    write_push_pictures()
-
-
-def write_push_pictures() -> None:
-    """The pushed NAO under both controllers: the plot of the comparison, and stills of the film."""
-    from PIL import Image
-
-    from circuitkit.simulation import compare
-    from circuitkit.simulation.film import FRAMES_PER_S, Reel
-
-    with tempfile.TemporaryDirectory() as folder:
-        results = compare("nao_push", ["open_loop", "circuit"], output=folder)
-        shutil.copy(Path(folder) / "compare.png", IMAGES / "nao_push_compare.png")
-    stills = []
-    for result in results:
-        with contextlib.closing(Reel(result)) as reel:
-            stills.append([reel.frame(round(time_s * FRAMES_PER_S)) for time_s in STILLS_S])
-    width, height = stills[0][0].size
-    sheet = Image.new("RGB", (width * len(STILLS_S), height * len(stills)))
-    for row, frames in enumerate(stills):
-        for column, frame in enumerate(frames):
-            sheet.paste(frame, (column * width, row * height))
-    sheet.resize((sheet.width * 2 // 3, sheet.height * 2 // 3)).save(IMAGES / "nao_push.png", optimize=True)
-
-
 def write_commands() -> None:
     """The help of every command."""
     write_text(DOCS / "reference" / "commands.md", commands_page())
@@ -85,6 +50,12 @@ def write_commands() -> None:
 def write_schema() -> None:
     """The schema that the shipped circuits name in their first line."""
     main(["schema", "-o", str(DOCS.parent / "circuits" / "circuit.schema.json")])
+
+
+def write_robot_pictures() -> None:
+    """The pictures of the robots' pages, by the scripts beside these."""
+    for script in sorted((DOCS / "robots").glob("*_pictures.py")):
+        runpy.run_path(str(script), run_name="__main__")
 
 
 def _hook(file: str, function: str) -> Callable[[], None]:
@@ -102,9 +73,8 @@ PARTS: dict[str, Callable[[], None]] = {
     "models": _hook("model_pages.py", "write_model_pages"),
     "circuits": _hook("circuit_pictures.py", "write_circuit_pictures"),
     "kinds": _hook("kind_tables.py", "write_kind_tables"),
-    "figures": _hook("figure_table.py", "write_figure_table"),
-    "pictures": write_pictures,
-    "robots": _hook("moving_picture.py", "write_robot_pictures"),
+    "films": _hook("film_pictures.py", "write_film_pictures"),
+    "robots": write_robot_pictures,
 }
 
 

@@ -14,7 +14,10 @@ from pydantic import BaseModel
 
 from circuitkit.base.catalogue import catalogue, summary
 from circuitkit.base.files import write_text
+from circuitkit.base.units import UNIT_SYMBOLS
 from circuitkit.control.spec import KINDS
+from circuitkit.paper.reproduce import FIGURES
+from circuitkit.paper.reproduce.figure import select
 from circuitkit.robots import Robot
 from circuitkit.robots.parts import REFERENCES as PARTS_OF_MJCF
 from circuitkit.robots.spec import blocks
@@ -58,12 +61,37 @@ def _shipped_controllers() -> str:
     return _table(("file", "what it is"), rows)
 
 
-def _parts() -> str:
+def _figures() -> str:
+    """In the order of the report."""
+    rows = (
+        (f"`{name}`", _summary(FIGURES[name]), ", ".join(f"`{study}`" for study in FIGURES[name].studies))
+        for name in select()
+    )
+    return _table(("figure", "what it does", "study"), rows)
+
+
+def _robot_circuits() -> str:
+    """The circuits that robots' pages link to, in the order in which these speak of them."""
+    said = {each.name: each.description for each in catalogue("circuits")}
+    rows = []
+    for page in sorted((DOCS / "robots").glob("[a-z]*.md")):
+        found = re.findall(r"\.\./\.\./circuits/(\w+)\.yaml", page.read_text(encoding="utf-8"))
+        for name in dict.fromkeys(found):
+            robot, circuit = (
+                f"[{page.stem}](../robots/{page.name})",
+                f"[`{name}`](../../circuits/{name}.yaml)",
+            )
+            rows.append((robot, circuit, said[name]))
+    return _table(("robot", "circuit", "what it does"), rows)
+
+
+def _listed(words: Iterable[str], between: str) -> str:
+    """Words in lines, as code."""
     lines = [""]
-    for each in PARTS_OF_MJCF.values():
-        if len(lines[-1]) + len(each.usage) > _WIDTH:
+    for word in words:
+        if len(lines[-1]) + len(word) > _WIDTH:
             lines.append("")
-        lines[-1] += f"{each.usage}   "
+        lines[-1] += word + between
     return "\n".join(["```", *(line.rstrip() for line in lines), "```"])
 
 
@@ -77,7 +105,10 @@ TABLES: dict[str, Callable[[], str]] = {
     "measures": lambda: _with_keys(MEASURES.kinds),
     "controller_files": _shipped_controllers,
     "controllers": lambda: _with_keys(KINDS.kinds, ("controller", "description")),
-    "parts": _parts,
+    "parts": lambda: _listed((each.usage for each in PARTS_OF_MJCF.values()), "   "),
+    "units": lambda: _listed(UNIT_SYMBOLS, " "),
+    "figures": _figures,
+    "robot_circuits": _robot_circuits,
     "robot_blocks": lambda: _with_keys(blocks.kinds),
     "robot_file": lambda: _table(("key", "what it says"), _keys(Robot)),
 }

@@ -5,6 +5,7 @@ Every page has the equations, the symbols, an example from docs/models/examples 
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,14 +60,15 @@ SIGNS = {
 INDEX_HEAD = """# The models
 
 Written by `make docs` from the declarations in `circuitkit/circuit/models`. A neuron names its model by the
-key `model`; so does a synapse, unless it is `static`. The parameters of the model stand beside it. A model of
-your own is declared in the circuit file: see [own models](own_models.md). A delay needs no model: any synapse
-has the key `delay`.
+key `model`; so does a synapse, unless it is `static`. The parameters of the model stand beside it; what is in
+brackets here is their default. A model of your own is declared in the circuit file: see
+[own models](own_models.md). A delay needs no model: any synapse has the key `delay`.
 
 A is the activation of a neuron: the sum of what its synapses deliver (eq. 11), and its noise. The output of a
 spiking neuron is 1 in the substep in which it spikes, else 0; what runs at the control rate sees the number
 of spikes in the control step.
 """
+PAGE_WIDTH = 120  # columns of text; code and pictures stay as they are
 
 
 def write_model_pages() -> None:
@@ -94,17 +96,26 @@ def example_of(model: NeuronModel | SynapseModel) -> Path:
 
 
 def index_page(models: Iterable[NeuronModel | SynapseModel]) -> str:
-    """The table of all models."""
+    """The list of all models."""
     lines = [INDEX_HEAD]
     for folder in ("neurons", "synapses"):
-        lines += [f"## {folder.capitalize()}", "", "| model | | parameters (default) |", "|---|---|---|"]
         own = [model for model in models if folder_of(model) == folder]
-        lines += [
-            f"| [`{model.name}`]({folder}/{model.name}.md) | {model.description} | {parameters(model)} |"
-            for model in own
-        ]
-        lines.append("")
+        lines += [f"## {folder.capitalize()}", "", *map(index_entry, own), ""]
     return "\n".join(lines)
+
+
+def index_entry(model: NeuronModel | SynapseModel) -> str:
+    """A model's place in the list: what it does, and its parameters."""
+    text = f"[`{model.name}`]({folder_of(model)}/{model.name}.md): {model.description}"
+    if model.parameters:
+        text += f" Parameters: {parameters(model)}."
+    return f"- {filled(text, indent=2)}"
+
+
+def filled(text: str, indent: int = 0) -> str:
+    """Text in lines of at most `PAGE_WIDTH` columns, of which all but the first are indented."""
+    lines = textwrap.wrap(text, PAGE_WIDTH - indent, break_long_words=False, break_on_hyphens=False)
+    return f"\n{' ' * indent}".join(lines)
 
 
 def model_page(model: NeuronModel | SynapseModel) -> str:
@@ -114,14 +125,14 @@ def model_page(model: NeuronModel | SynapseModel) -> str:
     picture_path = f"../img/{folder_of(model)}/{model.name}.png"
     parts = [
         f"# `{model.name}`, a {kind}\n",
-        f"{model.description}\n",
+        f"{filled(model.description)}\n",
         "```text",
         *equations(model),
         "```\n",
         *facts(model),
         *table("parameter", "default", [(each, default_text(each)) for each in model.parameters]),
         *table("state", "at the start", [(each, f"`{each.initial}`") for each in model.states]),
-        f"Source: {model.source}.\n",
+        f"{filled(f'Source: {model.source}.')}\n",
         "## Example\n",
         f"```yaml\n{example}```\n",
         f"![What the example does]({picture_path})\n",

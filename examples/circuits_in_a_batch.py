@@ -1,4 +1,7 @@
-"""One call, many circuits: the response of the lateral network over the whole range of both inputs."""
+"""One call, many circuits: the response of the lateral network over the whole range of both inputs.
+
+Run it with: python examples/circuits_in_a_batch.py
+"""
 
 import numpy as np
 

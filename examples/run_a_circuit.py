@@ -1,4 +1,7 @@
-"""A circuit alone: the right foot carries, and the ZMP moves over its right edge and back again."""
+"""A circuit alone: the right foot carries, and the ZMP moves over its right edge and back again.
+
+Run it with: python examples/run_a_circuit.py
+"""
 
 import numpy as np
 

@@ -16,11 +16,11 @@ SHOTS_S = (9.0, 10.4, 11.2)  # before a push of the pole and after it
 
 
 def draw_run() -> None:
-    """Cart, pole and neurons over the minute; pushes as dotted lines."""
+    """Cart, pole and motor over the minute; pushes as dotted lines."""
     result = simulate("cartpole_balances")
     recording, scenario = result.recording, result.scenario
     with house_style():
-        figure = new_figure(7.2, 2.6)
+        figure = new_figure(7.2, 2.9)
         figure.set_layout_engine("constrained")
         upper, lower = figure.subplots(2, 1, sharex=True)
         upper.plot(recording.time_s, recording.channel("cart")[:, 0], color=CYCLE[0], label="cart [m]")
@@ -33,7 +33,7 @@ def draw_run() -> None:
         for axes in (upper, lower):
             for push in scenario.pushes:
                 axes.axvline(push.start, color=GREY, linestyle=":", linewidth=0.8)
-            axes.legend(frameon=False, fontsize=SMALL, loc="upper left", ncols=2)
+            axes.legend(frameon=False, fontsize=SMALL, loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
             tidy(axes)
         save_figure(figure, IMAGES / "cartpole_run.png")
 

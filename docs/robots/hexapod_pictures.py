@@ -9,7 +9,7 @@ import numpy as np
 
 from circuitkit.draw.style import INHIBITORY, INK, house_style, new_figure, save_figure, tidy
 from circuitkit.simulation import Result, simulate
-from circuitkit.simulation.film import FRAMES_PER_S, Reel
+from circuitkit.simulation.film import FRAME_SIZE, FRAMES_PER_S, SCENE_HEIGHT, Reel
 
 IMAGES = Path(__file__).parent / "img"
 CARRIES_N = 0.2
@@ -17,9 +17,10 @@ LEGS = ("L1", "L2", "L3", "R1", "R2", "R3")
 
 
 def write_still(result: Result, time_s: float) -> None:
-    """A frame of the film."""
+    """A frame of the film, without the panels below it, whose text is too small for a still."""
     with contextlib.closing(Reel(result)) as reel:
-        reel.frame(round(time_s * FRAMES_PER_S)).save(IMAGES / "hexapod.png", optimize=True)
+        scene = reel.frame(round(time_s * FRAMES_PER_S)).crop((0, 0, FRAME_SIZE[0], SCENE_HEIGHT))
+    scene.save(IMAGES / "hexapod.png", optimize=True)
 
 
 def write_footfalls(result: Result) -> None:

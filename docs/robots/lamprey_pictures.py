@@ -9,7 +9,7 @@ import numpy as np
 
 from circuitkit import simulate
 from circuitkit.control import CircuitController
-from circuitkit.draw.style import CYCLE, house_style, new_figure, save_figure, tidy
+from circuitkit.draw.style import CYCLE, DASHES, house_style, new_figure, save_figure, tidy
 
 IMAGES = Path(__file__).parent / "img"
 JOINTS = range(1, 11)
@@ -38,7 +38,8 @@ def main() -> None:
         speed.set(xlabel="drive", ylabel="speed [m/s]", ylim=(0, 0.3))
         for number, (label, controller) in enumerate(CONTENDERS.items()):
             run = simulate("lamprey_current", controller=controller).recording
-            paths.plot(run.channel("x")[:, 0], run.channel("y")[:, 0], color=CYCLE[number], label=label)
+            style = {"color": CYCLE[number], "linestyle": DASHES[number]}
+            paths.plot(run.channel("x")[:, 0], run.channel("y")[:, 0], label=label, **style)
         paths.set(xlabel="ahead [m]", ylabel="to the left [m]")
         paths.legend(frameon=False)
         for axes in (waves, speed, paths):

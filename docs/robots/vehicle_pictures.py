@@ -10,7 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit import draw_circuit, load_circuit, simulate
-from circuitkit.draw.style import CYCLE, GREY, INK, PALE, SMALL, house_style, new_figure, save_figure, tidy
+from circuitkit.draw.style import (
+    CYCLE,
+    DASHES,
+    GREY,
+    INK,
+    PALE,
+    SMALL,
+    house_style,
+    new_figure,
+    save_figure,
+    tidy,
+)
 from circuitkit.simulation import load_scenario
 from circuitkit.simulation.renderer import Screen
 
@@ -83,15 +94,16 @@ def draw_heading() -> None:
             activity.T, aspect="auto", origin="lower", cmap="Greys", interpolation="nearest",
             extent=(0, run.time_s[-1], -180 - 180 / MEMBERS, 180 - 180 / MEMBERS),
         )  # fmt: skip
-        for each, axes, color, label in (
-            (run, upper, CYCLE[1], "heading"),
-            (run, lower, CYCLE[0], "with the compass"),
-            (lost, lower, CYCLE[1], "with a bump that does not move"),
+        for each, axes, number, label in (
+            (run, upper, 2, "heading"),
+            (run, lower, 0, "with the compass"),
+            (lost, lower, 1, "with a bump that does not move"),
         ):
             degrees = np.degrees(each.channel("heading")[:, 0])
             jumps = np.abs(np.diff(degrees, append=degrees[-1])) > 180  # noqa: PLR2004 - from 180 to -180 degrees
             line = np.where(jumps, np.nan, degrees)
-            axes.plot(each.time_s, line, color=color, linewidth=1.1, label=label)
+            style = {"color": CYCLE[number], "linestyle": DASHES[number]}
+            axes.plot(each.time_s, line, linewidth=1.1, label=label, **style)
         upper.set(ylabel="compass [deg]", yticks=[-90, 0, 90])
         lower.set(xlabel="time [s]", ylabel="heading [deg]", ylim=(-185, 185), yticks=[-90, 0, 90])
         for axes in (upper, lower):

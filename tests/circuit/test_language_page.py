@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from circuitkit.base.units import UNIT_SYMBOLS
 from circuitkit.circuit import check, circuit_schema, load_circuit
 from circuitkit.circuit.expressions.expression import SCALAR_FUNCTIONS
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, SYNAPSE_MODEL_NAMES, neuron_model, synapse_model
@@ -52,7 +51,8 @@ def test_the_messages_are_the_real_ones():
     good = EXAMPLES["edge_reflex.yaml"]
     wrong = good.replace("slope: 500", "slope: 500 /m").replace("from: zmp_y", "from: zmp")
     Path("edge_reflex.yaml").write_text(wrong, encoding="utf-8")
-    assert "".join(f"{error}\n" for error in check("edge_reflex.yaml")[0]) == MESSAGES
+    shown = re.sub(r"\n +", " ", MESSAGES)  # long ones are wrapped on the page
+    assert "".join(f"{error}\n" for error in check("edge_reflex.yaml")[0]) == shown
 
 
 def test_every_key_is_explained():
@@ -68,18 +68,11 @@ def test_every_key_is_explained():
     ("names", "model"), [(NEURON_MODEL_NAMES, neuron_model), (SYNAPSE_MODEL_NAMES, synapse_model)]
 )
 def test_every_model_is_listed_with_its_parameters(names, model):
-    rows = [re.findall(r"`(\w+)`", line) for line in MODELS.splitlines() if line.startswith("| [`")]
+    entries = [re.findall(r"`(\w+)`", entry) for entry in re.split(r"^- ", MODELS, flags=re.MULTILINE)]
     for name in names:
-        assert [name, *model(name).parameter_names] in rows
+        assert [name, *model(name).parameter_names] in entries
 
 
 def test_every_function_of_expressions_is_listed():
     listed = re.search(r"functions\s`(.*?)`", PAGE)[1].split()
     assert sorted(listed) == sorted(SCALAR_FUNCTIONS)
-
-
-def test_every_unit_is_listed():
-    listed = set(re.search(r"built\sfrom\s`(.*?)`", PAGE)[1].split())
-    electrical = re.search(r"`(A V ohm S F)`", PAGE)[1].split()
-    prefixes = ["", *re.search(r"`(p n u m k M)`", PAGE)[1].split()]
-    assert listed | {prefix + symbol for symbol in electrical for prefix in prefixes} == set(UNIT_SYMBOLS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 from pathlib import Path
 
@@ -47,6 +48,11 @@ def test_a_variant_has_a_part_of_its_family_s_page(name):
     heading = next(line for line in page.splitlines() if line.startswith("## ") and f"`{name}`" in line)
     assert f"](../../circuits/{name}.yaml)" in page[page.index(heading) :]
     assert f"`{name}`" in (DOCS / "circuits" / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_list_names_every_circuit():
+    page = (DOCS / "circuits" / "README.md").read_text(encoding="utf-8")
+    assert set(SHIPPED) <= set(re.findall(r"\w+", page))
 
 
 def test_every_picture_is_drawn_by_the_code():

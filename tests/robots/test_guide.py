@@ -59,8 +59,3 @@ def test_the_guide_lists_every_robot_that_has_a_page():
     pages = {path.stem for path in PAGE.parent.glob("*.md")} - {"README"}
     assert set(re.findall(r"\]\((\w+)\.md\)", TEXT)) == pages
     assert {path.parent.name for path in data_folder("robots").glob("*/robot.yaml")} == set(shipped_robots())
-
-
-def test_lines_are_short():
-    """Rows of tables may be longer, for they cannot be broken."""
-    assert [line for line in TEXT.splitlines() if len(line) > 120 and not line.startswith("|")] == []

@@ -1,6 +1,7 @@
-"""Makes the README's pictures of robots: two that are pushed, moving, and a still of each that ships.
+"""Makes the pictures of the README and the pages that are frames of films; it needs the extra `video`.
 
-`python docs/moving_picture.py` writes them; docs/generate.py does so, too. It needs the extra `video`.
+`python docs/film_pictures.py` writes them: two robots that are pushed, moving; a still of each robot that
+ships; and the pushed NAO under two controllers. docs/generate.py calls `write_film_pictures`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from circuitkit import simulate
+from circuitkit import compare, simulate
 from circuitkit.base.files import replacing
 from circuitkit.simulation.film import FRAME_SIZE, FRAMES_PER_S, SCENE_HEIGHT, Reel
 
@@ -34,6 +35,8 @@ SCALE = 0.65
 GAP = 6  # between the robots, [pixels]
 QUALITY = 58
 STILL_SIZE = (320, 220)
+PUSH_STILLS_S = (5.68, 6.6, 7.2)  # during the push, and after it until one of them falls
+PUSH_SCALE = 2 / 3
 
 
 def frames() -> Iterator[Image.Image]:
@@ -62,22 +65,44 @@ def write_moving_picture() -> None:
         )  # fmt: skip
 
 
+def scene(reel: Reel, time_s: float) -> Image.Image:
+    """A frame without the panels below it, whose text is too small for a still."""
+    return reel.frame(round(time_s * FRAMES_PER_S)).crop((0, 0, FRAME_SIZE[0], SCENE_HEIGHT))
+
+
 def write_stills() -> None:
     """Write a still of each robot."""
     from PIL import Image
 
     for robot, (scenario, time_s) in STILLS.items():
         with contextlib.closing(Reel(simulate(scenario))) as reel:
-            scene = reel.frame(round(time_s * FRAMES_PER_S)).crop((0, 0, FRAME_SIZE[0], SCENE_HEIGHT))
+            still = scene(reel, time_s)
         with replacing(IMAGES / f"robot_{robot}.webp") as part:
-            scene.resize(STILL_SIZE, Image.Resampling.LANCZOS).save(part, format="WEBP", quality=85, method=6)
+            still.resize(STILL_SIZE, Image.Resampling.LANCZOS).save(part, format="WEBP", quality=85, method=6)
 
 
-def write_robot_pictures() -> None:
+def write_push_stills() -> None:
+    """Write the pushed NAO: a row for each controller, a column for each moment."""
+    from PIL import Image
+
+    width, height = (round(length * PUSH_SCALE) for length in (FRAME_SIZE[0], SCENE_HEIGHT))
+    results = compare("nao_push", ["open_loop", "circuit"])
+    sheet = Image.new("RGB", (width * len(PUSH_STILLS_S), height * len(results)))
+    for row, result in enumerate(results):
+        with contextlib.closing(Reel(result)) as reel:
+            for column, time_s in enumerate(PUSH_STILLS_S):
+                still = scene(reel, time_s).resize((width, height), Image.Resampling.LANCZOS)
+                sheet.paste(still, (column * width, row * height))
+    with replacing(IMAGES / "nao_push.png") as part:
+        sheet.save(part, format="PNG", optimize=True)
+
+
+def write_film_pictures() -> None:
     """Write all of them."""
     write_moving_picture()
     write_stills()
+    write_push_stills()
 
 
 if __name__ == "__main__":
-    write_robot_pictures()
+    write_film_pictures()
