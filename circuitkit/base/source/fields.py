@@ -1,4 +1,4 @@
-"""Field types for models of files: quantities that are read with their unit and kept as SI floats."""
+"""Field types for models of files: quantities that become SI floats, or stay as they are written."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 from circuitkit.base.source.validation import describe
-from circuitkit.base.units import parse_quantity, parse_unit
+from circuitkit.base.units import Quantity, parse_quantity, parse_unit
 
 
 def _reader(unit_text: str, example: str) -> Callable[[object, ValidationInfo], float]:
@@ -21,21 +21,33 @@ def _reader(unit_text: str, example: str) -> Callable[[object, ValidationInfo], 
     def read(value: object, info: ValidationInfo) -> float:
         if info.mode == "python" and isinstance(value, int | float) and not isinstance(value, bool):
             return float(value)
-        allowed = f"allowed: a quantity such as '{example}'"
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            message = f"found {describe(value)}; {allowed}"
-            raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
-        quantity = parse_quantity(str(value))
+        allowed = f"a quantity such as '{example}'"
+        quantity = _quantity(value, allowed)
         if quantity.dimension != unit.dimension:
-            message = f"found {describe(value)}, which is {quantity.dimension}; {allowed}"
+            message = f"found {describe(value)}, which is {quantity.dimension}; allowed: {allowed}"
             raise ValueError(message)
         return quantity.value_si
 
     return read
 
 
+def _quantity(value: object, allowed: str) -> Quantity:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        message = f"found {describe(value)}; allowed: {allowed}"
+        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
+    return parse_quantity(str(value))
+
+
+def _as_written(value: object) -> str:
+    """A validator: number or text to the text of a quantity of any dimension."""
+    _quantity(value, "a quantity such as '20 N' or 0.1")
+    return str(value)
+
+
 _TEXT = {"anyOf": [{"type": "number"}, {"type": "string"}]}
 
+# A quantity of any dimension, which stays as it was written.
+AnyQuantity = Annotated[str, BeforeValidator(_as_written)]
 Metres = Annotated[float, BeforeValidator(_reader("m", "80 mm")), WithJsonSchema(_TEXT)]
 Radians = Annotated[float, BeforeValidator(_reader("rad", "33 deg")), WithJsonSchema(_TEXT)]
 Seconds = Annotated[float, BeforeValidator(_reader("s", "200 ms")), WithJsonSchema(_TEXT)]
