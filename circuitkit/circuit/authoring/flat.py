@@ -67,10 +67,6 @@ def flat_yaml(graph: CircuitGraph, folder: Path | None = None) -> str:
     return dump_yaml(flat_document(graph, folder))
 
 
-def _si(dimension: Dimension) -> Unit:
-    return parse_unit(dimension.si_symbol)
-
-
 def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | ModelState) -> Unit:
     """Return the unit in which a parameter or state of a neuron is shown."""
     activation = neuron.activation_unit
@@ -80,12 +76,7 @@ def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | Mode
     return shown_unit(parameter, dimension, activation)
 
 
-def weight_unit(graph: CircuitGraph, synapse: Synapse | Projection) -> Unit:
-    """Find the unit in which the weight of a synapse is shown: what its model gives it at its endpoints."""
-    return _weight_unit(synapse, nodes_of(graph))
-
-
-def nodes_of(graph: CircuitGraph) -> Nodes:
+def _nodes_of(graph: CircuitGraph) -> Nodes:
     """Return the nodes of a circuit by name."""
     return Nodes(
         {node.name: node for node in graph.inputs},
@@ -103,8 +94,9 @@ def _endpoint(nodes: Nodes, name: str) -> Endpoint:
 
 
 def _weight_unit(synapse: Synapse | Projection, nodes: Nodes) -> Unit:
+    """The unit in which the weight of a synapse is written: what its model gives it at its endpoints."""
     target, source = _endpoint(nodes, synapse.target), _endpoint(nodes, synapse.source)
-    return _si(synapse.model.weight.dimension(target.activation.dimension, source.unit.dimension))
+    return synapse.model.weight.dimension(target.activation.dimension, source.unit.dimension).si_unit
 
 
 class _Flat:
@@ -114,7 +106,7 @@ class _Flat:
         self.graph = graph
         self.folder = folder
         self.most = MOST_LISTED if folder is None else math.inf
-        self.nodes = nodes_of(graph)
+        self.nodes = _nodes_of(graph)
 
     def document(self) -> dict[str, Any]:
         """Return the file's data."""

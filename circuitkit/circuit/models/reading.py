@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeVar
 
 from circuitkit.base.errors import InputError, listing
-from circuitkit.base.source import Document, FileModel, Place, model_problems
+from circuitkit.base.source import Document, Place, validate_model
 from circuitkit.base.units import Unit
 from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
 from circuitkit.circuit.expressions.expression import Expression
@@ -30,8 +29,6 @@ from circuitkit.circuit.models.model import (
     UnitRule,
 )
 
-FormT = TypeVar("FormT", bound=FileModel)
-
 _ACTIVATION_DIMENSION = OpenDimension(activation=1)
 # Keys of neurons and synapses in a circuit file, beside which the parameters stand, and names of equations.
 _KEYS = ("model", "description", "initial")
@@ -47,7 +44,7 @@ def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
     Raises:
         InputError: It is no sound declaration; carries every problem, with line and column.
     """
-    form = _form(document, place, NeuronForm)
+    form = validate_model(document, NeuronForm, place)
     declaration = Declaration(document, place, NEURON_WORDS, _TAKEN_BY_NEURONS)
     activation = _activation(declaration, form)
     declaration.dimensions |= {ACTIVATION: declaration.dimension(UnitRule("", activation=1))}
@@ -89,7 +86,7 @@ def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
     Raises:
         InputError: It is no sound declaration; carries every problem, with line and column.
     """
-    form = _form(document, place, SynapseForm)
+    form = validate_model(document, SynapseForm, place)
     declaration = Declaration(document, place, SYNAPSE_WORDS[:-1], _TAKEN_BY_SYNAPSES)
     try:
         return _synapse_model(declaration, form)
@@ -137,16 +134,6 @@ def _synapse_model(declaration: Declaration, form: SynapseForm) -> SynapseModel:
         increasing=form.increasing,
         plain_source=declaration.plain_source,
     )
-
-
-def _form(document: Document, place: Place, kind: type[FormT]) -> FormT:
-    data = document.data
-    for part in place:
-        data = data[part]  # type: ignore[index]  # the caller names a part that is there
-    form, findings = model_problems(document, kind, data, place)
-    if form is None:
-        raise InputError(*(finding.problem for finding in findings))
-    return form
 
 
 def _activation(declaration: Declaration, form: NeuronForm) -> Unit | None:
