@@ -4,7 +4,7 @@ Circuits, robots, scenarios and all others are read through here, so that all gi
 """
 
 from circuitkit.base.source.data_files import data_folder, find_data_file, shipped_names
-from circuitkit.base.source.document import Data, Document, Mark, Place, place_text
+from circuitkit.base.source.document import Data, Document, Mark, Place, Pointing, place_text
 from circuitkit.base.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
 from circuitkit.base.source.validation import (
     STRAY_TEXT,
@@ -26,6 +26,7 @@ __all__ = [
     "Finding",
     "Mark",
     "Place",
+    "Pointing",
     "data_folder",
     "describe",
     "dump_yaml",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypedDict, Unpack
 
 from circuitkit.base.errors import Problem
 
@@ -30,6 +30,18 @@ class Mark(NamedTuple):
     key_column: int
 
 
+class Pointing(TypedDict, total=False):
+    """Where at a part a complaint points; at the beginning of its value if nothing is said.
+
+    Attributes:
+        at_key: Point at the key instead of the value.
+        offset: Point at this character of the value, from 0.
+    """
+
+    at_key: bool
+    offset: int | None
+
+
 @dataclass(frozen=True)
 class Document:
     """The data of a file, with the place of every part in the text.
@@ -53,21 +65,17 @@ class Document:
                 return mark
         return Mark(1, 1, 1, 1)
 
-    def problem(
-        self, place: Place, message: str, hint: str = "", *, at_key: bool = False, offset: int | None = None
-    ) -> Problem:
+    def problem(self, place: Place, message: str, hint: str = "", **pointing: Unpack[Pointing]) -> Problem:
         """A complaint about a part of this document.
 
         Args:
             place: The part.
             message: What was found; what is allowed.
             hint: What was probably meant.
-            at_key: Point at the key instead of the value.
-            offset: Point at this character of the value, from 0.
+            **pointing: Where at it; see `Pointing`.
         """
-        mark = self.mark(place)
-        line, column = (mark.key_line, mark.key_column) if at_key else (mark.line, mark.column)
-        shift = self.shifts.get(place, 0)
+        mark, offset, shift = self.mark(place), pointing.get("offset"), self.shifts.get(place, 0)
+        line, column = mark[2:] if pointing.get("at_key") else mark[:2]
         if offset is not None and shift is not None and place in self.marks:
             column += offset + shift
         return Problem(self.path, line, column, place_text(place), message, hint)

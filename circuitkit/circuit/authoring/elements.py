@@ -20,6 +20,7 @@ from circuitkit.circuit.graph import (
     Synapse,
 )
 from circuitkit.circuit.models import NeuronModel, SynapseModel
+from circuitkit.circuit.names import node_of
 from circuitkit.circuit.resolving.neurons import shown_unit
 
 Fields: TypeAlias = "dict[str, tuple[Any, Unit | None]]"  # a value, and the unit in which it is shown
@@ -114,7 +115,7 @@ class Weights:
     def endpoint_units(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
         """Return the units of the target's activation and of the source."""
         source = self._inputs.get(edge.source, DIMENSIONLESS)
-        return self._activation[_node_of(edge.target)], source
+        return self._activation[node_of(edge.target)], source
 
     def text(self, edge: Synapse | Projection, weights: PerMember) -> str:
         """Return weights in SI units, or in the target's if they are tiny otherwise."""
@@ -212,17 +213,12 @@ def _edges(graph: CircuitGraph, called: Callable[[str], str]) -> Iterator[Elemen
         seen[kind, *endpoints] += 1
         number = seen[kind, *endpoints]
         title = " -> ".join(endpoints) + (f" ({number})" if number > 1 else "")
-        yield Element(kind, title, fields, tuple(map(_node_of, endpoints)))
+        yield Element(kind, title, fields, tuple(map(node_of, endpoints)))
     for output in graph.outputs:
         for name, weight in output.readout:
             endpoints = called(name), called(output.name)
             fields = {"weight": (weight, output.unit)}
-            yield Element("readout", " -> ".join(endpoints), fields, tuple(map(_node_of, endpoints)))
-
-
-def _node_of(name: str) -> str:
-    """Return the population of a member, or the name itself."""
-    return name.partition("[")[0]
+            yield Element("readout", " -> ".join(endpoints), fields, tuple(map(node_of, endpoints)))
 
 
 def _edge_fields(edge: Synapse | Projection, target: Unit, source: Unit) -> Fields:

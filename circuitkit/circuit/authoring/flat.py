@@ -33,6 +33,7 @@ from circuitkit.circuit.models import (
     SynapseModel,
 )
 from circuitkit.circuit.models.writing import model_data
+from circuitkit.circuit.names import node_of
 from circuitkit.circuit.resolving.neurons import shown_unit, start
 from circuitkit.circuit.resolving.signals import Endpoint, Nodes
 
@@ -86,7 +87,7 @@ def _nodes_of(graph: CircuitGraph) -> Nodes:
 
 
 def _endpoint(nodes: Nodes, name: str) -> Endpoint:
-    end = nodes.endpoint(name.partition("[")[0])
+    end = nodes.endpoint(node_of(name))
     if end is None:
         message = f"the circuit has no node {name}"
         raise KeyError(message)

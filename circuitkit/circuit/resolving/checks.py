@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from circuitkit.base.errors import Problem
 from circuitkit.base.units import format_quantity, parse_unit
 from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
+from circuitkit.circuit.names import node_of
 from circuitkit.circuit.resolving.scope import Scope
 
 _FAR_FROM_WHOLE = 0.01
@@ -37,23 +38,18 @@ def _effective(graph: CircuitGraph) -> frozenset[str]:
     sources: dict[str, list[str]] = {}
     links: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for synapse in links:
-        target = sources.setdefault(_whole(synapse.target), [])
-        target.append(_whole(synapse.source))
+        target = sources.setdefault(node_of(synapse.target), [])
+        target.append(node_of(synapse.source))
         if synapse.gate:
-            target.append(_whole(synapse.gate))
+            target.append(node_of(synapse.gate))
     reached: set[str] = set()
-    waiting = [_whole(name) for output in graph.outputs for name, _ in output.readout]
+    waiting = [node_of(name) for output in graph.outputs for name, _ in output.readout]
     while waiting:
         name = waiting.pop()
         if name not in reached:
             reached.add(name)
             waiting.extend(sources.get(name, ()))
     return frozenset(reached)
-
-
-def _whole(name: str) -> str:
-    """Return the population of a member; any other name as it is."""
-    return name.partition("[")[0]
 
 
 def rounded_delay(delay_s: float, step_s: float) -> str:

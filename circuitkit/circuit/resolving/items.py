@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, Unpack
 
 from circuitkit.base.errors import Problem
-from circuitkit.base.source import FileModel, Place
+from circuitkit.base.source import FileModel, Place, Pointing
 from circuitkit.circuit.graph import NO_ORIGIN, Origin
 from circuitkit.circuit.models import NeuronModel, SynapseModel
 from circuitkit.circuit.parts import Part
@@ -45,22 +45,11 @@ class Item(Generic[SpecT]):
         """Where the value of a parameter stands: a parameter may be written `1 mm` or `{value: 1 mm}`."""
         return ("value",) if (*self.place, "value") in self.part.document.marks else ()
 
-    def problem(
-        self, inner: Place, message: str, hint: str = "", *, at_key: bool = False, offset: int | None = None
-    ) -> Problem:
-        """Return a complaint about a part of it.
-
-        Args:
-            inner: The part.
-            message: What was found; what is allowed.
-            hint: What was probably meant.
-            at_key: Point at the key instead of the value.
-            offset: Point at this character of the value, from 0.
-        """
+    def problem(self, inner: Place, message: str, hint: str = "", **pointing: Unpack[Pointing]) -> Problem:
+        """Return a complaint as `Document.problem` does, about a part of the item."""
         if self.part.within:
             message = f"{message} ({self.part.within})"
-        place = (*self.place, *inner)
-        return self.part.document.problem(place, message, hint, at_key=at_key, offset=offset)
+        return self.part.document.problem((*self.place, *inner), message, hint, **pointing)
 
     def seen_from(self, part: Part) -> str:
         """Find where it stands, in words for a message about another place."""

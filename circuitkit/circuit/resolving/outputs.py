@@ -40,11 +40,8 @@ def _readout(
 ) -> Iterator[tuple[str, PerMember]]:
     for name, value in item.spec.readout.items():
         place = ("readout", name)
-        located = scope.locate(name)
-        if (located is None and not scope.is_lost(name)) or (located and located.kind not in _READ):
-            names = scope.names("neuron", "population")
-            message, hint = scope.unknown("neuron", name, "a neuron", names)
-            scope.errors.append(item.problem(place, message, hint, at_key=True))
+        scope.find(item, place, name, _READ, "neuron", "a neuron", at_key=True)
+        located = scope.locate(name)  # the weight of something that cannot be read is checked as well
         reason = f"the output is {in_unit(unit)}"
         end = nodes.located(scope, item, place, located, at_key=True) if located else None
         if end is not None and end.is_population:

@@ -92,15 +92,8 @@ def _is_first(
 
 
 def _target(scope: Scope, item: Item[ProjectionSpec], nodes: Nodes) -> Endpoint | None:
-    name = item.spec.to
-    located = scope.locate(name)
-    if located is None or located.kind not in _TARGETS:
-        if located is not None or not scope.is_lost(name):
-            allowed = "a neuron or a population"
-            message, hint = scope.unknown("target", name, allowed, scope.names(*_TARGETS))
-            scope.errors.append(item.problem(("to",), message, hint))
-        return None
-    return nodes.located(scope, item, ("to",), located)
+    located = scope.find(item, ("to",), item.spec.to, _TARGETS, "target", "a neuron or a population")
+    return nodes.located(scope, item, ("to",), located) if located else None
 
 
 class _Making:

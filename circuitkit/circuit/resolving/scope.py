@@ -19,6 +19,7 @@ from circuitkit.circuit.expressions.values import (
     evaluate,
     unknown_parameter,
 )
+from circuitkit.circuit.names import node_of
 from circuitkit.circuit.parts import Module, Part
 from circuitkit.circuit.resolving.declarations import (
     RESERVED_NAME,
@@ -177,7 +178,7 @@ class Scope:
         first, dot, rest = name.partition(".")
         if dot and first in self.instances and self.instances[first].is_lost(rest):
             return True
-        return self.incomplete or name.partition("[")[0] in self.lost or first in self.lost_instances
+        return self.incomplete or node_of(name) in self.lost or first in self.lost_instances
 
     def locate(self, name: str) -> Located | None:
         """Find what the name of a node, a member or an output stands for; None if nothing has it.
@@ -206,6 +207,36 @@ class Scope:
         own = [name for name, (kind, _) in self.nodes.items() if kind in kinds]
         inner = [f"{key}.{name}" for key, scope in self.instances.items() for name in scope.names(*kinds)]
         return [*own, *inner]
+
+    def find(
+        self,
+        item: Item[SpecT],
+        inner: Place,
+        name: str,
+        kinds: Sequence[str],
+        what: str,
+        allowed: str,
+        *,
+        at_key: bool = False,
+    ) -> Located | None:
+        """Find what a name stands for, if that is of one of these kinds; None after complaining.
+
+        Args:
+            item: What mentions the name.
+            inner: Where in the item.
+            name: The name.
+            kinds: As in `Located`.
+            what: What the name should stand for, such as "source".
+            allowed: What is allowed, in words.
+            at_key: The name is the key of what stands there.
+        """
+        located = self.locate(name)
+        if located is not None and located.kind in kinds:
+            return located
+        if located is not None or not self.is_lost(name):
+            message, hint = self.unknown(what, name, allowed, self.names(*kinds))
+            self.errors.append(item.problem(inner, message, hint, at_key=at_key))
+        return None
 
     def unknown(self, what: str, name: str, allowed: str, names: Sequence[str]) -> tuple[str, str]:
         """Return message and hint about a name that is not among the names allowed here."""

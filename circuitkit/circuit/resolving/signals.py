@@ -13,6 +13,8 @@ from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.circuit.graph import InputNode, Neuron, Population, Role
 from circuitkit.circuit.models import NeuronModel
+from circuitkit.circuit.names import node_of
+from circuitkit.circuit.resolving.declarations import a_kind
 from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.neurons import in_unit
 from circuitkit.circuit.resolving.scope import Located, Scope
@@ -76,7 +78,7 @@ class Nodes:
         """Find what a name stands for; None if it is unsound, or after complaining about a missing member."""
         if located.kind != "member":
             return self.endpoint(located.name)
-        population = self.populations.get(located.name.rpartition("[")[0])
+        population = self.populations.get(node_of(located.name))
         if population is None:
             return None
         if located.member >= population.size:
@@ -160,14 +162,9 @@ class Signals:
     ) -> Iterator[Term]:
         """Yield the terms that one name and its factor stand for."""
         is_key = len(place) > 2  # noqa: PLR2004 - a key of the mapping with the factors
-        located = outer.locate(name)
-        if located is None or located.kind not in _SOURCES:
-            if located is not None or not outer.is_lost(name):
-                allowed, names = "an input, a neuron or an output", outer.names(*_SOURCES)
-                message, hint = outer.unknown("source", name, allowed, names)
-                outer.errors.append(entry.problem(place, message, hint, at_key=is_key))
-            return
-        found = self._sum(outer, entry, place, located, at_key=is_key)
+        allowed = "an input, a neuron or an output"
+        located = outer.find(entry, place, name, _SOURCES, "source", allowed, at_key=is_key)
+        found = self._sum(outer, entry, place, located, at_key=is_key) if located else None
         if found is None:
             return
         source, terms = found
@@ -247,8 +244,5 @@ def unknown_inputs(scope: Scope) -> None:
         for name in getattr(entry.spec, section) or {}:
             if name not in names and not scope.is_lost(name):
                 what = section.removesuffix("s")
-                message, hint = scope.unknown(what, name, f"{_AN[what]} of {entry.spec.file}", names)
+                message, hint = scope.unknown(what, name, f"{a_kind(what)} of {entry.spec.file}", names)
                 outer.errors.append(entry.problem((section, name), message, hint, at_key=True))
-
-
-_AN = {"parameter": "a parameter", "input": "an input", "output": "an output"}

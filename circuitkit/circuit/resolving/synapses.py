@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from circuitkit.base.source import Place
-from circuitkit.base.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
+from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit, parse_unit
 from circuitkit.circuit.expressions.expression import Number
 from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
 from circuitkit.circuit.expressions.values import Amount
@@ -23,7 +23,8 @@ from circuitkit.circuit.resolving.signals import Endpoint, Nodes, Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
 
 _SECOND = parse_unit("s")
-SOURCES, TARGETS = ("input", "neuron", "member"), ("neuron", "member")
+_SOURCES, _TARGETS = ("input", "neuron", "member"), ("neuron", "member")
+_SIDES = {"pre": "source", "post": "target"}
 
 
 class Synapses:
@@ -40,7 +41,7 @@ class Synapses:
         """Add the synapses that a scope declares, as far as they are sound."""
         for item in scope.synapses():
             model = models.synapse(item)
-            source = self._source(scope, item)
+            source = source_end(scope, item, self.nodes, self.signals, _SOURCES, "an input or a neuron")
             has_gate = model is not None and (model.gated or item.spec.gate is not None)
             gate = gate_name(scope, item, model, self.nodes) if model and has_gate else ""
             targets = list(self._targets(scope, item, gate))
@@ -49,21 +50,13 @@ class Synapses:
                 for synapse in wiring.synapses(source, targets):
                     self._keep(synapse)
 
-    def _source(self, scope: Scope, item: Item[SynapseSpec]) -> tuple[Endpoint, Sequence[Term]] | None:
-        """Give the end that an entry names as its source, and what is sent there; None after complaining."""
-        return source_end(scope, item, self.nodes, self.signals, SOURCES, "an input or a neuron")
-
     def _targets(self, scope: Scope, item: Item[SynapseSpec], gate: str) -> Iterator[Endpoint]:
         spec = item.spec
         source = scope.locate(spec.source)
         source_name = source.name if source else spec.source
         for place, target in _target_places(item):
-            located = scope.locate(target)
-            if located is None or located.kind not in TARGETS:
-                if located is not None or not scope.is_lost(target):
-                    names = scope.names("neuron")
-                    message, hint = scope.unknown("target", target, "a neuron", names)
-                    scope.errors.append(item.problem(place, message, hint))
+            located = scope.find(item, place, target, _TARGETS, "target", "a neuron")
+            if located is None:
                 continue
             key = (source_name, located.name, spec.model, gate)
             if key in self.first:
@@ -104,12 +97,8 @@ def source_end(
 
     That is the node itself, unless it is an input of an instance that is fed by others.
     """
-    name = item.spec.source
-    located = scope.locate(name)
-    if located is None or located.kind not in kinds:
-        if located is not None or not scope.is_lost(name):
-            message, hint = scope.unknown("source", name, allowed, scope.names(*kinds))
-            scope.errors.append(item.problem(("from",), message, hint))
+    located = scope.find(item, ("from",), item.spec.source, kinds, "source", allowed)
+    if located is None:
         return None
     if located.kind == "input":
         return signals.input(located)
@@ -139,13 +128,8 @@ def gate_name(scope: Scope, item: Item[Any], model: SynapseModel, nodes: Nodes) 
         )
         scope.errors.append(item.problem(("gate",), message, at_key=True))
         return ""
-    located = scope.locate(gate)
-    if located is None or located.kind not in TARGETS:
-        if located is not None or not scope.is_lost(gate):
-            message, hint = scope.unknown("gate", gate, "a neuron", scope.names("neuron"))
-            scope.errors.append(item.problem(("gate",), message, hint))
-        return ""
-    end = nodes.located(scope, item, ("gate",), located)
+    located = scope.find(item, ("gate",), gate, _TARGETS, "gate", "a neuron")
+    end = nodes.located(scope, item, ("gate",), located) if located else None
     return end.name if end else ""
 
 
@@ -254,13 +238,9 @@ def weight_fits(
     reason = f"the activation of {target.name} is {in_unit(target.activation)}"
     reason += f" and {source.name} is {in_unit(source.unit)}"
     if any(model.weight.fixed):
-        reason = f"the weight of {model.name} is {_product_text(model)}, and {reason}"
+        reason = f"the weight of {model.name} is in {model.weight}, and {reason}"
     unit = target.activation if rule == target.activation.dimension else rule.si_unit
     return scope.fits(item, ("weight",), weight, unit, reason)
-
-
-def _product_text(model: SynapseModel) -> str:
-    return f"in {model.weight}"
 
 
 def check_parameters(
@@ -305,17 +285,10 @@ def check_reads(
             return False
         found = states[state_name].unit_rule.dimension(end.activation.dimension)
         if found != wanted:
-            message = f"{needed} in {_symbol(wanted)}, but {what} has it in {_symbol(found)}"
+            message = f"{needed} in {wanted.si_symbol}, but {what} has it in {found.si_symbol}"
             scope.errors.append(item.problem((key,), f"{message}; allowed: the same dimension"))
             return False
     return True
-
-
-_SIDES = {"pre": "source", "post": "target"}
-
-
-def _symbol(dimension: Dimension) -> str:
-    return dimension.si_symbol
 
 
 def check_weight(
