@@ -8,7 +8,7 @@ import numpy as np
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.memory import shortage
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray
 
 _STEP_AXES = 2
 _RUN_AXES = 3

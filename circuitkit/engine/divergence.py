@@ -8,8 +8,9 @@ from typing import NoReturn
 import numpy as np
 
 from circuitkit.base.errors import DivergedError
+from circuitkit.engine.operations import FloatArray
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.state import State
 
 
 def raise_for(program: Program, inputs: FloatArray, state: State) -> NoReturn:

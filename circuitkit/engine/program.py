@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.engine.checks import input_problem, require_batch, require_inputs, require_seed
-from circuitkit.engine.operations import IndexArray, Lowered, Operation, Remember
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.operations import FloatArray, IndexArray, Lowered, Operation, Remember
+from circuitkit.engine.state import State
 
 Precision = Literal["float64", "float32"]
 

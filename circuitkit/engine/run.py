@@ -11,10 +11,10 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.engine.checks import as_run_inputs, require_memory, require_step_inputs
 from circuitkit.engine.divergence import raise_for
 from circuitkit.engine.kernels import borrow_kernel, return_kernel
-from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.operations import FloatArray, IndexArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.record import select
-from circuitkit.engine.state import FloatArray, State, Trace
+from circuitkit.engine.state import State, Trace
 
 
 def step(program: Program, state: State, inputs: FloatArray, out: State | None = None) -> State:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-FloatArray: TypeAlias = npt.NDArray[np.float64]
-SeedArray: TypeAlias = npt.NDArray[np.uint64]
+from circuitkit.engine.operations import FloatArray
 
 
 @dataclass(eq=False)
@@ -34,7 +32,7 @@ class State:
     states: FloatArray
     histories: tuple[FloatArray, ...]
     time: int
-    seed: SeedArray
+    seed: npt.NDArray[np.uint64]
 
     @property
     def batch(self) -> int:

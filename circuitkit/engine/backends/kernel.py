@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.operations import FloatArray, IndexArray
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.state import State
 
 
 class Kernel(Protocol):

@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from circuitkit.engine.backends.numpy_dense import DenseKernel, make_dense_kernel
 from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
-from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.operations import FloatArray, IndexArray
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.state import State
 
 
 def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:

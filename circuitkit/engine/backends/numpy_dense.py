@@ -23,9 +23,9 @@ from circuitkit.engine.backends.dense_plan import (
 )
 from circuitkit.engine.backends.dense_state import Activations, Block
 from circuitkit.engine.backends.numpy_operations import Workspace, bind_operation
-from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.operations import FloatArray, IndexArray
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.state import State
 
 Take = Callable[[FloatArray], object]
 Fail = Callable[[], NoReturn]

@@ -13,7 +13,7 @@ from circuitkit.circuit.graph import CircuitGraph, Neuron, PerMember, Population
 from circuitkit.circuit.models.model import SPIKE, NeuronModel
 from circuitkit.engine.lowering.names import Listed, Members, Naming, StateNames
 from circuitkit.engine.lowering.order import Order
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray
 
 
 class Table:

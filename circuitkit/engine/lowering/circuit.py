@@ -9,6 +9,7 @@ import numpy as np
 
 from circuitkit.circuit.graph import CircuitGraph, Population, Projection, Synapse
 from circuitkit.circuit.models import SynapseModel
+from circuitkit.circuit.names import node_of
 from circuitkit.engine.lowering.cells import (
     Group,
     Table,
@@ -29,7 +30,7 @@ from circuitkit.engine.lowering.neurons import (
 from circuitkit.engine.lowering.order import make_order
 from circuitkit.engine.lowering.plan import Plan
 from circuitkit.engine.lowering.readout import read_out
-from circuitkit.engine.lowering.sources import Sources, require_delays
+from circuitkit.engine.lowering.sources import Sources, delay_steps, require_delays
 from circuitkit.engine.lowering.sums import Arrivals, Matrix, Term
 from circuitkit.engine.lowering.synapses import (
     Bundle,
@@ -104,16 +105,11 @@ def _edges(graph: CircuitGraph, discrete: set[str]) -> Iterator[tuple[str, str]]
     """Yield pairs of discrete nodes of which one sees the other without a delay."""
     synapses: Iterable[Synapse | Projection] = (*graph.synapses, *graph.projections)
     for synapse in synapses:
-        target = _node(synapse.target, discrete)
-        seen = [synapse.gate] if round(synapse.delay_s / graph.step_s) else [synapse.source, synapse.gate]
-        for name in seen:
-            source = _node(name, discrete)
+        target = node_of(synapse.target)
+        is_delayed = delay_steps(synapse.delay_s, graph.step_s) > 0
+        for source in map(node_of, [synapse.gate] if is_delayed else [synapse.source, synapse.gate]):
             if source in discrete and target in discrete:
                 yield source, target
-
-
-def _node(name: str, nodes: set[str]) -> str:
-    return name if name in nodes else name.rpartition("[")[0]
 
 
 def _bundles(plan: Plan, sources: Sources) -> Iterator[Bundle]:

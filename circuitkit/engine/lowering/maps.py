@@ -8,8 +8,7 @@ import numpy as np
 
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
-from circuitkit.engine.operations import IndexArray, Map
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray, IndexArray, Map
 
 
 def make_map(

@@ -24,8 +24,7 @@ from circuitkit.circuit.models.model import Method
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.lowering.cells import Table
 from circuitkit.engine.lowering.maps import make_map
-from circuitkit.engine.operations import IndexArray, Map
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray, IndexArray, Map
 
 _DT = "dt__"
 STAGES = 4  # of rk4

@@ -30,8 +30,7 @@ from circuitkit.engine.lowering.names import Connections, Listed, Members, Namin
 from circuitkit.engine.lowering.plan import Plan
 from circuitkit.engine.lowering.sources import Sources
 from circuitkit.engine.lowering.sums import Matrix, Term, matrix_sum
-from circuitkit.engine.operations import IndexArray, Map, Operation
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray, IndexArray, Map, Operation
 
 Moment = Literal["arrival", "end"]
 _WEIGHTED = Binary("*", Name(WEIGHT), Name(PRE))

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from circuitkit.engine.backends.c import SIMD_WIDTH
 from circuitkit.engine.backends.c.build import load_program, load_runtime
 from circuitkit.engine.backends.c.source import Source, print_program
-from circuitkit.engine.operations import IndexArray
+from circuitkit.engine.operations import FloatArray, IndexArray
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.state import State
 
 _LOG = logging.getLogger("circuitkit")
 _ALIGNMENT = 64

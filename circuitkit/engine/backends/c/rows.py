@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
+from circuitkit.engine.operations import FloatArray, Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray
 
 _PADDING = 8  # as many numbers as are ever loaded at once
 

@@ -8,9 +8,8 @@ from circuitkit.circuit.expressions.expression import Binary, Call, Expression, 
 from circuitkit.engine.backends.c.loops import Arrays, print_loops
 from circuitkit.engine.backends.c.rows import Constants
 from circuitkit.engine.backends.c.unrolled import print_unrolled
-from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
+from circuitkit.engine.operations import FloatArray, Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray
 
 # Work up to which a program is unrolled: beyond, loops are as fast, and a batch would take long to compile.
 _MAX_UNROLLED = 250
