@@ -4,8 +4,18 @@ Circuits, robots, scenarios and all others are read through here, so that all gi
 """
 
 from circuitkit.base.source.data_files import data_folder, find_data_file, shipped_names
-from circuitkit.base.source.document import Data, Document, Mark, Place, Pointing, place_text
-from circuitkit.base.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
+from circuitkit.base.source.reader import (
+    Data,
+    Document,
+    Mark,
+    Place,
+    Pointing,
+    parse_yaml,
+    place_text,
+    read_yaml,
+    scan_text,
+    scan_yaml,
+)
 from circuitkit.base.source.validation import (
     STRAY_TEXT,
     FileModel,

@@ -13,7 +13,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
-from circuitkit.base.source.document import Data, Document, Place
+from circuitkit.base.source.reader import Data, Document, Place
 from circuitkit.base.units import format_quantity, parse_quantity
 
 _UNION_KINDS = (Union, types.UnionType)
