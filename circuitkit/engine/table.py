@@ -18,7 +18,7 @@ from circuitkit.base.netcdf import write_netcdf
 from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
 from circuitkit.circuit.names import node_of
-from circuitkit.circuit.resolving.neurons import shown_unit
+from circuitkit.circuit.resolving.nodes import shown_unit
 from circuitkit.engine.checks import require_memory
 from circuitkit.engine.compile import compile_circuit
 from circuitkit.engine.input_table import TIME, constant_inputs, read_inputs

@@ -21,7 +21,7 @@ from circuitkit.circuit.graph import (
 )
 from circuitkit.circuit.models import NeuronModel, SynapseModel
 from circuitkit.circuit.names import node_of
-from circuitkit.circuit.resolving.neurons import shown_unit
+from circuitkit.circuit.resolving.nodes import shown_unit
 
 Fields: TypeAlias = "dict[str, tuple[Any, Unit | None]]"  # a value, and the unit in which it is shown
 _TINY = 1e-3

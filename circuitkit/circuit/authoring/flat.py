@@ -34,8 +34,7 @@ from circuitkit.circuit.models import (
 )
 from circuitkit.circuit.models.writing import model_data
 from circuitkit.circuit.names import node_of
-from circuitkit.circuit.resolving.neurons import shown_unit, start
-from circuitkit.circuit.resolving.signals import Endpoint, Nodes
+from circuitkit.circuit.resolving.nodes import Endpoint, Nodes, shown_unit, start
 
 _PER_ANGLE = Dimension(angle=-1)
 MOST_LISTED = 10_000  # values that are listed for one population or projection

@@ -1,12 +1,17 @@
-"""Model declarations, of this folder or of a circuit file, to `NeuronModel` and `SynapseModel`."""
+"""Model declarations, of this folder or of a circuit file, to `NeuronModel` and `SynapseModel`.
+
+Those of this folder are read when they are first asked for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
 
-from circuitkit.base.errors import InputError, listing
-from circuitkit.base.source import Document, Place, validate_model
+from circuitkit.base.errors import InputError, UnknownNameError, listing
+from circuitkit.base.source import Document, Place, read_yaml, validate_model
 from circuitkit.base.units import Unit
 from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
 from circuitkit.circuit.expressions.expression import Expression
@@ -200,3 +205,37 @@ def _reads(declaration: Declaration, form: SynapseForm) -> Mapping[str, UnitRule
         found[name], _ = declaration.rule(("reads", name), text)
         declaration.dimensions[name] = declaration.dimension(found[name])
     return found
+
+
+_FOLDER = Path(__file__).parent
+NEURON_MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("neurons/*.yaml")))
+SYNAPSE_MODEL_NAMES: tuple[str, ...] = tuple(sorted(path.stem for path in _FOLDER.glob("synapses/*.yaml")))
+
+
+@lru_cache
+def neuron_model(name: str) -> NeuronModel:
+    """Return the neuron model of this name.
+
+    Raises:
+        UnknownNameError: There is none; the message lists those there are.
+    """
+    if name not in NEURON_MODEL_NAMES:
+        kind = "model"
+        raise UnknownNameError(kind, name, NEURON_MODEL_NAMES)
+    return read_neuron_model(read_yaml(_FOLDER / "neurons" / f"{name}.yaml"))
+
+
+@lru_cache
+def synapse_model(name: str) -> SynapseModel:
+    """Return the synapse model of this name.
+
+    Raises:
+        UnknownNameError: There is none; the message lists those there are.
+    """
+    if name not in SYNAPSE_MODEL_NAMES:
+        kind = "model"
+        raise UnknownNameError(kind, name, SYNAPSE_MODEL_NAMES)
+    return read_synapse_model(read_yaml(_FOLDER / "synapses" / f"{name}.yaml"))
+
+
+STATIC = synapse_model("static")

@@ -20,7 +20,7 @@ from circuitkit.circuit.models import (
     read_synapse_model,
     synapse_model,
 )
-from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import WithModelParameters
 
@@ -98,6 +98,16 @@ def _own(
                 scope.errors.append(item.problem((), message, at_key=True))
             own[name] = model
     return own
+
+
+def reader(scope: Scope, item: Item[Any]) -> Reader:
+    """Read the values of an entry as one number each."""
+
+    def read(place: Place, value: object) -> Amount | None:
+        quantity = scope.value(item, place, value)
+        return None if quantity is None else Amount(quantity.value_si, quantity.unit)
+
+    return read
 
 
 def written_parameters(

@@ -13,7 +13,7 @@ from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place, describe
 from circuitkit.base.units import DIMENSIONLESS, Quantity
 from circuitkit.circuit.expressions.values import Amount
-from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import DISTRIBUTIONS
 

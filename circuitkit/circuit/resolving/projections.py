@@ -14,18 +14,18 @@ from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, format_quantity
 from circuitkit.circuit.expressions.values import Amount, names_in
 from circuitkit.circuit.graph import PerMember, Projection, SynapseKind
+from circuitkit.circuit.memory import Budget
 from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.resolving import connectivity
 from circuitkit.circuit.resolving.connectivity import Connections
+from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader, written_parameters
 from circuitkit.circuit.resolving.header import Header
-from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.matrices import MatrixFileError, read_matrix
 from circuitkit.circuit.resolving.member_values import generator, listed
-from circuitkit.circuit.resolving.memory import Budget
-from circuitkit.circuit.resolving.neurons import start
+from circuitkit.circuit.resolving.nodes import Endpoint, Nodes, start
 from circuitkit.circuit.resolving.scope import Scope
-from circuitkit.circuit.resolving.signals import Endpoint, Nodes, Signals, Term
+from circuitkit.circuit.resolving.signals import Signals, Term
 from circuitkit.circuit.resolving.synapses import (
     check_linear,
     check_parameters,

@@ -23,6 +23,9 @@ from circuitkit.circuit.names import node_of
 from circuitkit.circuit.parts import Module, Part
 from circuitkit.circuit.resolving.declarations import (
     RESERVED_NAME,
+    Findings,
+    Item,
+    SpecT,
     a_kind,
     claim_names,
     doubt_names,
@@ -30,7 +33,6 @@ from circuitkit.circuit.resolving.declarations import (
     merged_parameters,
     refuse_inner_names,
 )
-from circuitkit.circuit.resolving.items import Findings, Item, SpecT
 from circuitkit.circuit.spec import (
     FileSpec,
     InputSpec,

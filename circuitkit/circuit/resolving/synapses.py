@@ -7,22 +7,27 @@ from dataclasses import replace
 from typing import Any
 
 from circuitkit.base.source import Place
-from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit, parse_unit
+from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit, format_quantity, parse_unit
 from circuitkit.circuit.expressions.expression import Number
 from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
 from circuitkit.circuit.expressions.values import Amount
 from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
-from circuitkit.circuit.resolving.checks import rounded_delay
-from circuitkit.circuit.resolving.declared_models import DeclaredModels, check_order, written_parameters
+from circuitkit.circuit.resolving.declarations import Item
+from circuitkit.circuit.resolving.declared_models import (
+    DeclaredModels,
+    check_order,
+    reader,
+    written_parameters,
+)
 from circuitkit.circuit.resolving.header import Header
-from circuitkit.circuit.resolving.items import Item
-from circuitkit.circuit.resolving.neurons import in_unit, shown_unit, start
+from circuitkit.circuit.resolving.nodes import Endpoint, Nodes, in_unit, shown_unit, start
 from circuitkit.circuit.resolving.scope import Scope
-from circuitkit.circuit.resolving.signals import Endpoint, Nodes, Signals, Term
+from circuitkit.circuit.resolving.signals import Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
 
-_SECOND = parse_unit("s")
+_SECOND, _MILLISECOND = parse_unit("s"), parse_unit("ms")
+_FAR_FROM_WHOLE = 0.01  # part of a delay that rounding may change without a warning
 _SOURCES, _TARGETS = ("input", "neuron", "member"), ("neuron", "member")
 _SIDES = {"pre": "source", "post": "target"}
 
@@ -152,7 +157,7 @@ class _Wiring:
         """Yield the synapses; complains about units and signs once."""
         scope, item, model = self.scope, self.item, self.model
         weight = scope.value(item, ("weight",), item.spec.weight)
-        parameters = written_parameters(scope, item, model, self._read)
+        parameters = written_parameters(scope, item, model, reader(scope, item))
         delay = delay_s(scope, item)
         if weight is None or source is None:
             return
@@ -165,7 +170,7 @@ class _Wiring:
             check_parameters(scope, item, model, parameters, weight.unit, end, target)
         warn_of_delay(scope, item, delay, end, targets, self.header)
         kind: SynapseKind = item.spec.kind or end.role or "sensorial"
-        check_weight(scope, item, model, weight, kind, end)
+        _check_weight(scope, item, model, weight, kind, end)
         if len(terms) != 1 or terms[0].factor != 1.0:
             check_linear(scope, item, model, end)
         values: dict[str, Any] = {**model.defaults, **{name: each.value for name, each in parameters.items()}}
@@ -186,10 +191,6 @@ class _Wiring:
                     gate=self.gate,
                     origin=origin,
                 )
-
-    def _read(self, place: Place, value: object) -> Amount | None:
-        quantity = self.scope.value(self.item, place, value)
-        return None if quantity is None else Amount(quantity.value_si, quantity.unit)
 
 
 def delay_s(scope: Scope, item: Item[Any]) -> float:
@@ -217,10 +218,19 @@ def warn_of_delay(
         return
     for target in targets:
         both = all(end.model is not None and end.model.continuous for end in (source, target))
-        changed = rounded_delay(delay_s, header.step_s / header.substeps if both else header.step_s)
+        changed = _rounded_delay(delay_s, header.step_s / header.substeps if both else header.step_s)
         if changed:
             scope.warnings.append(item.problem(("delay",), f"found {item.spec.delay}; {changed}"))
             return
+
+
+def _rounded_delay(delay_s: float, step_s: float) -> str:
+    """Find what a delay is rounded to, in words, if that changes it by more than 1 %; else empty."""
+    rounded = round(delay_s / step_s) * step_s
+    if abs(rounded - delay_s) <= _FAR_FROM_WHOLE * delay_s:
+        return ""
+    becomes, step = format_quantity(rounded, _MILLISECOND), format_quantity(step_s, _MILLISECOND)
+    return f"it becomes {becomes}, a multiple of {step}"
 
 
 def weight_fits(
@@ -291,7 +301,7 @@ def check_reads(
     return True
 
 
-def check_weight(
+def _check_weight(
     scope: Scope, item: Item[Any], model: SynapseModel, weight: Quantity, kind: SynapseKind, source: Endpoint
 ) -> None:
     """Complain about the sign of a weight, and doubt a weight of zero."""
@@ -327,7 +337,7 @@ def check_sign(
 
 def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: Endpoint) -> None:
     """Complain about a weighted sum of nodes as the source of a model that takes one source as it is."""
-    if not is_linear(model):
+    if not _is_linear(model):
         message = (
             f"found '{source.name}', which is fed by a weighted sum; the model {model.name} needs one source"
         )
@@ -337,7 +347,7 @@ def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End
         scope.errors.append(item.problem(("from",), f"{message}; allowed: {allowed}"))
 
 
-def is_linear(model: SynapseModel) -> bool:
+def _is_linear(model: SynapseModel) -> bool:
     """Check whether a factor on the source may as well stand on the weight."""
     if model.states or model.reads:
         return False
