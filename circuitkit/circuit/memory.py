@@ -7,7 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from circuitkit.base.errors import InputError, Problem
+
 _UNKNOWN = 16 * 2**30  # where the system does not say: what a common laptop has
+_LITTLE = 2**26  # bytes, which every machine has
 _LIMIT_OF_GROUP = Path("/sys/fs/cgroup/memory.max")
 
 
@@ -35,6 +38,22 @@ def shortage(what: str, needed: float, rest: float = 0.0) -> str:
     beside = f" (with the rest of the circuit {_size(needed + rest)})" if rest else ""
     needs = f"about {_size(needed)} of memory{beside}, but this machine has {_size(has)}"
     return f"found {what}, which need {needs}; allowed: fewer"
+
+
+def require_memory(where: str, what: str, needed: float) -> None:
+    """Refuse what needs more memory than the machine has.
+
+    Args:
+        where: What the user gave.
+        what: What was found there.
+        needed: What it needs, [bytes].
+
+    Raises:
+        InputError: It needs more.
+    """
+    complaint = shortage(what, needed) if needed > _LITTLE else ""
+    if complaint:
+        raise InputError(Problem("", 0, 0, where, complaint))
 
 
 def _size(bytes_needed: float) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.engine.checks import require_memory
+from circuitkit.circuit.memory import require_memory
 from circuitkit.engine.operations import FloatArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.run import Stepper

@@ -17,16 +17,15 @@ from circuitkit.base.files import replacing
 from circuitkit.base.netcdf import write_netcdf
 from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
+from circuitkit.circuit.memory import require_memory
 from circuitkit.circuit.names import node_of
 from circuitkit.circuit.resolving.nodes import shown_unit
-from circuitkit.engine.checks import require_memory
 from circuitkit.engine.compile import compile_circuit
 from circuitkit.engine.input_table import TIME, constant_inputs, read_inputs
 from circuitkit.engine.operations import FloatArray
-from circuitkit.engine.program import Precision, Program
+from circuitkit.engine.program import Precision, Program, Trace
 from circuitkit.engine.record import select
 from circuitkit.engine.run import run
-from circuitkit.engine.state import Trace
 
 FORMATS = (".csv", ".nc")
 _CHUNK = 4096  # steps between two reports of progress, and lines that are written at once

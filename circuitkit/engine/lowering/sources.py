@@ -13,9 +13,8 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population, Projection, Synapse
 from circuitkit.circuit.memory import shortage
 from circuitkit.circuit.names import node_of
-from circuitkit.engine.lowering.cells import Block
-from circuitkit.engine.lowering.maps import copy_rows
-from circuitkit.engine.lowering.plan import Plan
+from circuitkit.engine.lowering.arithmetic import copy_rows
+from circuitkit.engine.lowering.plan import Block, Plan, delay_steps
 from circuitkit.engine.operations import Operation, Recall, Remember
 
 _BYTES = 3 * 8  # of a number: in a state, in the one before it, and in what runs it
@@ -26,11 +25,6 @@ class _Delay(NamedTuple):
     synapse: Synapse | Projection
     in_substeps: bool
     steps: int
-
-
-def delay_steps(delay_s: float, step_s: float) -> int:
-    """Return the nearest number of whole steps."""
-    return round(delay_s / step_s)
 
 
 def require_delays(graph: CircuitGraph) -> None:

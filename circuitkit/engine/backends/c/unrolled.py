@@ -12,8 +12,14 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from circuitkit.engine.backends.c import SIMD_WIDTH
-from circuitkit.engine.backends.c.expression import print_expression
-from circuitkit.engine.backends.c.rows import Constants, first_read, lasting_rows, print_memories, written
+from circuitkit.engine.backends.c.pieces import (
+    Constants,
+    first_read,
+    lasting_rows,
+    print_expression,
+    print_memories,
+    written,
+)
 from circuitkit.engine.operations import FloatArray, Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
 
