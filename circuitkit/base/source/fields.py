@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
@@ -44,23 +44,23 @@ def _as_written(value: object) -> str:
     return str(value)
 
 
-_TEXT = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+# What a value may be in a file, as JSON Schema.
+NUMBER_OR_TEXT: dict[str, list[dict[str, Any]]] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+_SCHEMA = WithJsonSchema(NUMBER_OR_TEXT)
 
 # A quantity of any dimension, which stays as it was written.
-AnyQuantity = Annotated[str, BeforeValidator(_as_written)]
-Metres = Annotated[float, BeforeValidator(_reader("m", "80 mm")), WithJsonSchema(_TEXT)]
-Radians = Annotated[float, BeforeValidator(_reader("rad", "33 deg")), WithJsonSchema(_TEXT)]
-Seconds = Annotated[float, BeforeValidator(_reader("s", "200 ms")), WithJsonSchema(_TEXT)]
-Kilograms = Annotated[float, BeforeValidator(_reader("kg", "0.3 kg")), WithJsonSchema(_TEXT)]
-Newtons = Annotated[float, BeforeValidator(_reader("N", "20 N")), WithJsonSchema(_TEXT)]
-MetresPerSecond = Annotated[float, BeforeValidator(_reader("m/s", "2 cm/s")), WithJsonSchema(_TEXT)]
-RadiansPerSecond = Annotated[float, BeforeValidator(_reader("rad/s", "1 deg/s")), WithJsonSchema(_TEXT)]
-NewtonMetres = Annotated[float, BeforeValidator(_reader("N*m", "14.8 N*m")), WithJsonSchema(_TEXT)]
-Stiffness = Annotated[float, BeforeValidator(_reader("N*m/rad", "100 N*m/rad")), WithJsonSchema(_TEXT)]
-Damping = Annotated[float, BeforeValidator(_reader("N*m*s/rad", "3.55 N*m*s/rad")), WithJsonSchema(_TEXT)]
-RadiansPerMetre = Annotated[float, BeforeValidator(_reader("rad/m", "8 rad/m")), WithJsonSchema(_TEXT)]
-RadianSecondsPerMetre = Annotated[
-    float, BeforeValidator(_reader("rad*s/m", "0.2 rad*s/m")), WithJsonSchema(_TEXT)
-]
-PerSecondToTheSixth = Annotated[float, BeforeValidator(_reader("1/s^6", "1e6 1/s^6")), WithJsonSchema(_TEXT)]
-Ratio = Annotated[float, BeforeValidator(_reader("1", "20 %")), WithJsonSchema(_TEXT)]
+AnyQuantity = Annotated[str, BeforeValidator(_as_written), _SCHEMA]
+Metres = Annotated[float, BeforeValidator(_reader("m", "80 mm")), _SCHEMA]
+Radians = Annotated[float, BeforeValidator(_reader("rad", "33 deg")), _SCHEMA]
+Seconds = Annotated[float, BeforeValidator(_reader("s", "200 ms")), _SCHEMA]
+Kilograms = Annotated[float, BeforeValidator(_reader("kg", "0.3 kg")), _SCHEMA]
+Newtons = Annotated[float, BeforeValidator(_reader("N", "20 N")), _SCHEMA]
+MetresPerSecond = Annotated[float, BeforeValidator(_reader("m/s", "2 cm/s")), _SCHEMA]
+RadiansPerSecond = Annotated[float, BeforeValidator(_reader("rad/s", "1 deg/s")), _SCHEMA]
+NewtonMetres = Annotated[float, BeforeValidator(_reader("N*m", "14.8 N*m")), _SCHEMA]
+Stiffness = Annotated[float, BeforeValidator(_reader("N*m/rad", "100 N*m/rad")), _SCHEMA]
+Damping = Annotated[float, BeforeValidator(_reader("N*m*s/rad", "3.55 N*m*s/rad")), _SCHEMA]
+RadiansPerMetre = Annotated[float, BeforeValidator(_reader("rad/m", "8 rad/m")), _SCHEMA]
+RadianSecondsPerMetre = Annotated[float, BeforeValidator(_reader("rad*s/m", "0.2 rad*s/m")), _SCHEMA]
+PerSecondToTheSixth = Annotated[float, BeforeValidator(_reader("1/s^6", "1e6 1/s^6")), _SCHEMA]
+Ratio = Annotated[float, BeforeValidator(_reader("1", "20 %")), _SCHEMA]
