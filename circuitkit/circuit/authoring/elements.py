@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity, parse_unit
-from circuitkit.circuit.authoring.flat import parameter_unit
+from circuitkit.base.units import Unit, format_quantity, parse_unit
+from circuitkit.circuit.authoring.flat import endpoint, nodes_of, parameter_unit, weight_unit
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,
@@ -109,18 +109,15 @@ class Weights:
     """The weights of a circuit as texts."""
 
     def __init__(self, graph: CircuitGraph) -> None:
-        self._inputs = {node.name: node.unit for node in graph.inputs}
-        self._activation = {node.name: node.activation_unit for node in _neurons(graph)}
+        self._nodes = nodes_of(graph)
 
     def endpoint_units(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
         """Return the units of the target's activation and of the source."""
-        source = self._inputs.get(edge.source, DIMENSIONLESS)
-        return self._activation[node_of(edge.target)], source
+        return endpoint(self._nodes, edge.target).activation, endpoint(self._nodes, edge.source).unit
 
     def text(self, edge: Synapse | Projection, weights: PerMember) -> str:
         """Return weights in SI units, or in the target's if they are tiny otherwise."""
-        target, source = self.endpoint_units(edge)
-        unit = edge.model.weight.dimension(target.dimension, source.dimension).si_unit
+        target, unit = endpoint(self._nodes, edge.target).activation, weight_unit(edge, self._nodes)
         largest = abs(weights) if isinstance(weights, float | int) else float(abs(weights).max(initial=0.0))
         is_tiny = 0 < largest < _TINY and target.dimension == unit.dimension
         return value_text(weights, target if is_tiny else unit)

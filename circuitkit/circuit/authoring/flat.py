@@ -76,7 +76,7 @@ def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | Mode
     return shown_unit(parameter, dimension, activation)
 
 
-def _nodes_of(graph: CircuitGraph) -> Nodes:
+def nodes_of(graph: CircuitGraph) -> Nodes:
     """Return the nodes of a circuit by name."""
     return Nodes(
         {node.name: node for node in graph.inputs},
@@ -85,7 +85,8 @@ def _nodes_of(graph: CircuitGraph) -> Nodes:
     )
 
 
-def _endpoint(nodes: Nodes, name: str) -> Endpoint:
+def endpoint(nodes: Nodes, name: str) -> Endpoint:
+    """Return a node as the end of a synapse; of a member its population."""
     end = nodes.endpoint(node_of(name))
     if end is None:
         message = f"the circuit has no node {name}"
@@ -93,9 +94,9 @@ def _endpoint(nodes: Nodes, name: str) -> Endpoint:
     return end
 
 
-def _weight_unit(synapse: Synapse | Projection, nodes: Nodes) -> Unit:
-    """The unit in which the weight of a synapse is written: what its model gives it at its endpoints."""
-    target, source = _endpoint(nodes, synapse.target), _endpoint(nodes, synapse.source)
+def weight_unit(synapse: Synapse | Projection, nodes: Nodes) -> Unit:
+    """The SI unit of the weight of a synapse: what its model gives it at its endpoints."""
+    target, source = endpoint(nodes, synapse.target), endpoint(nodes, synapse.source)
     return synapse.model.weight.dimension(target.activation.dimension, source.unit.dimension).si_unit
 
 
@@ -106,7 +107,7 @@ class _Flat:
         self.graph = graph
         self.folder = folder
         self.most = MOST_LISTED if folder is None else math.inf
-        self.nodes = _nodes_of(graph)
+        self.nodes = nodes_of(graph)
 
     def document(self) -> dict[str, Any]:
         """Return the file's data."""
@@ -133,14 +134,14 @@ class _Flat:
 
     def synapse(self, synapse: Synapse) -> dict[str, Any]:
         """Return an entry of `synapses`."""
-        unit = _weight_unit(synapse, self.nodes)
+        unit = weight_unit(synapse, self.nodes)
         entry = {"from": synapse.source, "to": synapse.target, "weight": exact(synapse.weight, unit)}
         return entry | self.of_model(synapse, unit, f"{synapse.source} -> {synapse.target}")
 
     def of_model(self, synapse: Synapse | Projection, weight: Unit, what: str) -> dict[str, Any]:
         """Return the keys of a synapse or projection that depend on its model."""
         model = synapse.model
-        target, source = _endpoint(self.nodes, synapse.target), _endpoint(self.nodes, synapse.source)
+        target, source = endpoint(self.nodes, synapse.target), endpoint(self.nodes, synapse.source)
         entry: dict[str, Any] = {}
         if model != STATIC:
             entry["model"] = model.name
@@ -161,10 +162,10 @@ class _Flat:
     def projection(self, number: int, projection: Projection) -> dict[str, Any]:
         """Return an entry of `projections`."""
         what = f"{projection.source} -> {projection.target}"
-        unit = _weight_unit(projection, self.nodes)
+        unit = weight_unit(projection, self.nodes)
         entry: dict[str, Any] = {"from": projection.source, "to": projection.target}
         n_source, n_target = (
-            _endpoint(self.nodes, name).size for name in (projection.source, projection.target)
+            endpoint(self.nodes, name).size for name in (projection.source, projection.target)
         )
         rule = _rule(projection, n_source, n_target)
         if rule or len(projection.sources) <= MOST_LISTED or self.folder is None:
