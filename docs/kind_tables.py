@@ -64,7 +64,7 @@ def _shipped_controllers() -> str:
 def _figures() -> str:
     """In the order of the report."""
     rows = (
-        (f"`{name}`", _summary(FIGURES[name]), ", ".join(f"`{study}`" for study in FIGURES[name].studies))
+        (f"`{name}`", summary(FIGURES[name]), ", ".join(f"`{study}`" for study in FIGURES[name].studies))
         for name in select()
     )
     return _table(("figure", "what it does", "study"), rows)

@@ -24,6 +24,7 @@ from circuitkit.base.source import (
     shipped_names,
     validate_model,
 )
+from circuitkit.base.source.fields import AnyQuantity
 
 
 def complaints(text: str) -> list[str]:
@@ -230,6 +231,29 @@ def test_models_complain_in_the_words_of_the_file(line, message):
     with pytest.raises(InputError) as caught:
         validate_model(parse_yaml(text, "f.yaml"), File)
     assert str(caught.value) == f"f.yaml:{message}"
+
+
+class Written(FileModel):
+    value: AnyQuantity
+
+
+@pytest.mark.parametrize("text", ["8 rad/s", "0.5", "-3", "20 %"])
+def test_a_quantity_of_any_dimension_stays_as_it_was_written(text):
+    assert validate_model(parse_yaml(f"value: {text}"), Written).value == text
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("true", "found true; allowed: a quantity such as '20 N' or 0.1"),
+        ("[1]", "found a list of 1; allowed: a quantity such as '20 N' or 0.1"),
+        ("fast", "found 'fast'; allowed: a number, with a unit if it has one, such as '-80 mm' or '0.1'"),
+    ],
+)
+def test_what_is_no_quantity_of_any_dimension_is_named(text, found):
+    with pytest.raises(InputError) as caught:
+        validate_model(parse_yaml(f"value: {text}", "f.yaml"), Written)
+    assert str(caught.value) == f"f.yaml:1:8: value: {found}"
 
 
 def test_models_complain_about_everything_at_once_in_the_order_of_the_file():

@@ -53,14 +53,6 @@ class Dimension(NamedTuple):
 
 
 _NO_DIMENSION = Dimension()
-# Those that are better known by a name of their own than by base units.
-_NAMED = {
-    Dimension(length=1, mass=1, time=-2): ("N", "force"),
-    Dimension(length=2, mass=1, time=-3, current=-1): ("V", "voltage"),
-    Dimension(length=2, mass=1, time=-3, current=-2): ("ohm", "resistance"),
-    Dimension(length=-2, mass=-1, time=3, current=2): ("S", "conductance"),
-    Dimension(length=-2, mass=-1, time=4, current=2): ("F", "capacitance"),
-}
 
 
 def _fraction_text(exponents: tuple[int, ...], names: tuple[str, ...]) -> str:
@@ -166,11 +158,11 @@ _MECHANICAL = {
     "W": _base(length=2, mass=1, time=-3),
 }
 _ELECTRICAL = {
-    "A": (0, {"current": 1}),
-    "V": (0, {"length": 2, "mass": 1, "time": -3, "current": -1}),
-    "ohm": (0, {"length": 2, "mass": 1, "time": -3, "current": -2}),
-    "S": (0, {"length": -2, "mass": -1, "time": 3, "current": 2}),
-    "F": (0, {"length": -2, "mass": -1, "time": 4, "current": 2}),
+    "A": {"current": 1},
+    "V": {"length": 2, "mass": 1, "time": -3, "current": -1},
+    "ohm": {"length": 2, "mass": 1, "time": -3, "current": -2},
+    "S": {"length": -2, "mass": -1, "time": 3, "current": 2},
+    "F": {"length": -2, "mass": -1, "time": 4, "current": 2},
 }
 _PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "u": -6, "n": -9, "p": -12}
 _SYMBOLS: dict[str, tuple[Fraction, Dimension]] = {
@@ -180,11 +172,16 @@ _SYMBOLS: dict[str, tuple[Fraction, Dimension]] = {
     **_MECHANICAL,
     **{
         prefix + symbol: _base(power, **exponents)
-        for symbol, (_, exponents) in _ELECTRICAL.items()
+        for symbol, exponents in _ELECTRICAL.items()
         for prefix, power in _PREFIXES.items()
     },
 }
 UNIT_SYMBOLS: tuple[str, ...] = tuple(_SYMBOLS)
+# What a message lists: without the prefixes of electrical units.
+LISTED_SYMBOLS: tuple[str, ...] = ("1", "%", *_MECHANICAL, *_ELECTRICAL)
+# Dimensions that are better known by a unit and a word of their own than by base units.
+_WORDS = {"N": "force", "V": "voltage", "ohm": "resistance", "S": "conductance", "F": "capacitance"}
+_NAMED = {_SYMBOLS[symbol][1]: (symbol, word) for symbol, word in _WORDS.items()}
 
 # Typographic signs that copied text carries, and what they mean here.
 _TYPOGRAPHY = str.maketrans(
@@ -237,8 +234,7 @@ def _parse_factor(piece: str, whole: str) -> tuple[Fraction, Dimension, int]:
     symbol = match["symbol"]
     if symbol not in _SYMBOLS:
         hint = suggest(symbol, UNIT_SYMBOLS)
-        common = listing(("1", "%", *_MECHANICAL, *_ELECTRICAL))
-        message = f"unknown unit '{symbol}'; allowed: {common}"
+        message = f"unknown unit '{symbol}'; allowed: {listing(LISTED_SYMBOLS)}"
         raise UnitError(f"{message}; {hint}" if hint else message)
     factor, dimension = _SYMBOLS[symbol]
     return factor, dimension, int(match["power"] or 1)

@@ -15,18 +15,16 @@ from typing import TypeAlias
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.source import Document, find_data_file, scan_text, scan_yaml
-from circuitkit.base.units import parse_unit
-from circuitkit.circuit.graph import CircuitGraph, InputNode, Projection
+from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
+from circuitkit.circuit.memory import Budget
+from circuitkit.circuit.names import node_of
 from circuitkit.circuit.parts import FOLDER, Module, read_module
-from circuitkit.circuit.resolving.checks import warnings_of
+from circuitkit.circuit.resolving.declarations import Findings
 from circuitkit.circuit.resolving.declared_models import DeclaredModels
 from circuitkit.circuit.resolving.header import HEADER_KEYS, read_header
-from circuitkit.circuit.resolving.items import Findings
-from circuitkit.circuit.resolving.memory import Budget
-from circuitkit.circuit.resolving.neurons import neurons, populations
-from circuitkit.circuit.resolving.outputs import outputs
+from circuitkit.circuit.resolving.nodes import Nodes, inputs, neurons, outputs, populations
 from circuitkit.circuit.resolving.scope import Scope
-from circuitkit.circuit.resolving.signals import Nodes, Signals, unknown_inputs
+from circuitkit.circuit.resolving.signals import Signals, unknown_inputs
 from circuitkit.circuit.resolving.synapses import Synapses
 
 
@@ -206,7 +204,7 @@ def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> Cir
     nodes, models, budget = Nodes(), {id(each): DeclaredModels(each) for each in scopes}, Budget()
     for each in scopes:
         unknown_inputs(each)
-        _add_inputs(each, nodes)
+        nodes.inputs.update((node.name, node) for node in inputs(each))
         nodes.neurons.update((neuron.name, neuron) for neuron in neurons(each, models[id(each)]))
         found = populations(each, models[id(each)], budget)
         nodes.populations.update((population.name, population) for population in found)
@@ -238,19 +236,43 @@ def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> Cir
         projections=tuple(many),
     )
     if is_whole:
-        findings.warnings.extend(warnings_of(graph, scope))
+        findings.warnings.extend(_warnings(graph, scope))
     return graph
 
 
-def _add_inputs(scope: Scope, nodes: Nodes) -> None:
-    """Add the inputs of the circuit: all but those of instances that something around feeds."""
-    fed = scope.entry.spec.inputs if scope.entry else {}
-    for name, item in scope.inputs.items():
-        unit = parse_unit(item.spec.unit)
-        limits = scope.pair(item, "range", item.spec.range, unit)
-        if limits is not None and name not in fed:
-            low, high = (limit.value_si for limit in limits)
-            full_name = scope.prefix + name
-            nodes.inputs[full_name] = InputNode(
-                full_name, unit, low, high, item.spec.description, item.origin
-            )
+def _warnings(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
+    """Yield parameters, inputs, neurons and instances without any effect on an output; delays between steps.
+
+    Of an instance's own declarations nothing is said: another circuit may use them.
+    """
+    for name, parameter in scope.parameters.items():
+        if name not in scope.used_parameters:
+            yield parameter.problem((), "unused parameter; nothing uses its name", at_key=True)
+    effective = _effective(graph)
+    for kind in ("input", "neuron", "population"):
+        for name, (own_kind, node) in scope.nodes.items():
+            if own_kind == kind and name not in effective:
+                yield node.problem((), f"unused {kind}; no path leads from it to an output", at_key=True)
+    for instance in scope.instances.values():
+        if instance.entry and not any(name.startswith(instance.prefix) for name in effective):
+            message = "unused instance; no path leads from it to an output"
+            yield instance.entry.problem((), message)
+
+
+def _effective(graph: CircuitGraph) -> frozenset[str]:
+    """Return names of the inputs, neurons and populations from which a path leads to an output."""
+    sources: dict[str, list[str]] = {}
+    links: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
+    for synapse in links:
+        target = sources.setdefault(node_of(synapse.target), [])
+        target.append(node_of(synapse.source))
+        if synapse.gate:
+            target.append(node_of(synapse.gate))
+    reached: set[str] = set()
+    waiting = [node_of(name) for output in graph.outputs for name, _ in output.readout]
+    while waiting:
+        name = waiting.pop()
+        if name not in reached:
+            reached.add(name)
+            waiting.extend(sources.get(name, ()))
+    return frozenset(reached)

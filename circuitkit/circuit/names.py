@@ -7,6 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import overload
 
 
+def node_of(name: str) -> str:
+    """Return the population of a member such as `ring[3]`; any other name as it is."""
+    return name.partition("[")[0]
+
+
 class Names(Sequence[str]):
     """Names in order: single ones, then those of the members of populations, `NAME[0]` and so on.
 

@@ -110,12 +110,6 @@ class Module:
         return frozenset(name for part in self.parts for name in part.spec.parameters)
 
 
-def module_of(spec: CircuitSpec) -> Module:
-    """Make the module of a spec that came from no file, so without line and column."""
-    own_models = spec.model_dump(include={"neuron_models", "synapse_models"})
-    return Module((Part(Document("", own_models, {}), spec),))
-
-
 def read_module(document: Document) -> tuple[Module, list[Problem]]:
     """Read a circuit file and all that it includes, also through others.
 

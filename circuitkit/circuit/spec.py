@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from circuitkit.base.source import FileModel, describe
+from circuitkit.base.source.fields import NUMBER_OR_TEXT
 from circuitkit.base.units import parse_unit
 from circuitkit.circuit.expressions.values import not_a_value
 from circuitkit.circuit.graph import Role, Timing
@@ -72,8 +73,7 @@ _ONE_OR_MORE_NAMES = {
     "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]
 }
 _NAME = {"type": "string", "pattern": NAME_PATTERN}
-_NUMBER_OR_TEXT: dict[str, list[dict[str, Any]]] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
-_PAIR = {"type": "array", "items": _NUMBER_OR_TEXT, "minItems": 2, "maxItems": 2}
+_PAIR = {"type": "array", "items": NUMBER_OR_TEXT, "minItems": 2, "maxItems": 2}
 DISTRIBUTIONS: Mapping[str, str] = {
     "range": "Evenly from the first value to the second one, both included.",
     "uniform": "Drawn evenly between the two values, by the seed of the circuit.",
@@ -82,8 +82,8 @@ DISTRIBUTIONS: Mapping[str, str] = {
 
 _VALUES = {
     "anyOf": [
-        *_NUMBER_OR_TEXT["anyOf"],
-        {"type": "array", "items": _NUMBER_OR_TEXT, "minItems": 1},
+        *NUMBER_OR_TEXT["anyOf"],
+        {"type": "array", "items": NUMBER_OR_TEXT, "minItems": 1},
         *(
             {
                 "type": "object",
@@ -100,7 +100,7 @@ Name = Annotated[str, AfterValidator(_check_name), WithJsonSchema(_NAME)]
 PlainName = Annotated[
     str, AfterValidator(_check_plain_name), WithJsonSchema({"type": "string", "pattern": PLAIN_NAME_PATTERN})
 ]
-Value = Annotated[float | str, BeforeValidator(_check_value), WithJsonSchema(_NUMBER_OR_TEXT)]
+Value = Annotated[float | str, BeforeValidator(_check_value), WithJsonSchema(NUMBER_OR_TEXT)]
 # For every member of a population or synapse of a projection; looked at when it is known how many there are.
 Values = Annotated[Any, WithJsonSchema(_VALUES)]
 UnitText = Annotated[str, BeforeValidator(_check_unit)]
@@ -125,7 +125,7 @@ class ParameterSpec(FileModel):
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         """Return the bare value, or the mapping."""
         mapping = handler.resolve_ref_schema(handler(core))
-        return {"anyOf": [{"type": "number"}, {"type": "string"}, mapping]}
+        return {"anyOf": [*NUMBER_OR_TEXT["anyOf"], mapping]}
 
 
 class InputSpec(FileModel):

@@ -18,7 +18,7 @@ from circuitkit.circuit.models import ModelParameter
 from circuitkit.circuit.models.model import ACTIVATION
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray
 
 _TAILS = 6.0  # how many widths of a curve are shown beside its centre
 _POINTS, _HELD_POINTS = 801, 65

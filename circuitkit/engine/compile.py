@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import get_args
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.circuit.graph import CircuitGraph
-from circuitkit.engine.backends import AUTO, COMPILED, load_backend
-from circuitkit.engine.kernels import with_chosen_backend
+from circuitkit.engine.backends import AUTO, COMPILED, compiled_backend, load_backend, return_kernel
 from circuitkit.engine.lowering import lower, side_by_side
 from circuitkit.engine.program import Precision, Program
 
@@ -58,7 +57,23 @@ def compile_circuit(
         precision=precision,
         reproducible=reproducible,
     )
-    return with_chosen_backend(program) if backend in {AUTO, COMPILED} else program
+    return _with_chosen_backend(program) if backend in {AUTO, COMPILED} else program
+
+
+def _with_chosen_backend(program: Program) -> Program:
+    """Choose the compiled backend if it works here, else numpy, with a warning if "compiled" was asked for.
+
+    That it works is seen from a kernel for one circuit, or for the members of a sweep, which then waits for
+    whoever steps the program first.
+    """
+    chosen = replace(program, backend=COMPILED, note="backend compiled: C built by the system's compiler")
+    kernel = compiled_backend.build_kernel(chosen, program.members or 1)
+    if isinstance(kernel, str):
+        if program.backend != AUTO:
+            compiled_backend.warn(kernel, program)
+        return replace(program, backend="numpy", note=f"backend numpy: {kernel}")
+    return_kernel(chosen, kernel)
+    return chosen
 
 
 def _require_alike(graphs: Sequence[CircuitGraph]) -> CircuitGraph:

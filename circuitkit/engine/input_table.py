@@ -14,7 +14,7 @@ from circuitkit.base.errors import InputError, Problem, UnitError, listing, sugg
 from circuitkit.base.files import reason
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_quantity
 from circuitkit.circuit.graph import CircuitGraph, InputNode
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray
 
 TIME = "time_s"
 _MOST_PROBLEMS = 20

@@ -25,7 +25,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.engine.state import FloatArray, SeedArray
+from circuitkit.engine.operations import FloatArray
 
 Words: TypeAlias = npt.NDArray[np.uint64]
 
@@ -55,7 +55,7 @@ class NormalNumbers:
         self._angles: FloatArray = np.zeros(shape)
         self.seed(np.zeros(batch, np.uint64))
 
-    def seed(self, seeds: SeedArray) -> None:
+    def seed(self, seeds: Words) -> None:
         """Take the seed of every member of the batch, shape (B,)."""
         first = np.add(seeds, _GAMMA)[np.newaxis]
         _mix(first, np.empty_like(first))

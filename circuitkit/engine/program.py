@@ -1,4 +1,7 @@
-"""`Program`: a circuit as operations on frozen arrays, names bound to indices once."""
+"""A compiled circuit: operations on frozen arrays, names bound to indices once.
+
+`Program` is the circuit, `State` what it remembers from step to step, `Trace` what it did over many steps.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
-from circuitkit.engine.checks import input_problem, require_batch, require_inputs, require_seed
-from circuitkit.engine.operations import IndexArray, Lowered, Operation, Remember
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.operations import FloatArray, IndexArray, Lowered, Operation, Remember
+
+_STEP_AXES = 2
+_RUN_AXES = 3
+_LARGEST_SEED = 2**64 - 1
+
 
 Precision = Literal["float64", "float32"]
 
@@ -171,3 +177,148 @@ class Program(Lowered):
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the kernels, which are bound to memory and are made again."""
         return {**self.__dict__, "idle": {}}
+
+
+@dataclass(eq=False)
+class State:
+    """What `B` independent copies of a circuit remember from step to step; columns in file order.
+
+    Attributes:
+        activation: Activation A of every neuron (eq. 11), shape (B, n_neurons), [SI unit of its activation].
+        output: Output O of every neuron (eq. 12), shape (B, n_neurons), dimensionless.
+        readout: Outputs of the circuit, which integrating ones add to, shape (B, n_outputs), [SI].
+        states: States of neurons and synapses, in the order of the program's `state_rows`, shape
+            (B, n_states), [SI].
+        histories: For every memory the values of the past, the newest first, shape (B, depth, n_slots).
+        time: Number of control steps done.
+        seed: Seed of the noise of every copy, shape (B,).
+    """
+
+    activation: FloatArray
+    output: FloatArray
+    readout: FloatArray
+    states: FloatArray
+    histories: tuple[FloatArray, ...]
+    time: int
+    seed: npt.NDArray[np.uint64]
+
+    @property
+    def batch(self) -> int:
+        """Number of copies B."""
+        return len(self.activation)
+
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """Return all arrays of numbers that the circuit computes, each with the batch as its first axis."""
+        return (self.activation, self.output, self.readout, self.states, *self.histories)
+
+    def copy(self) -> State:
+        """Return the same values in arrays of its own."""
+        return State(
+            self.activation.copy(),
+            self.output.copy(),
+            self.readout.copy(),
+            self.states.copy(),
+            tuple(history.copy() for history in self.histories),
+            self.time,
+            self.seed.copy(),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What a circuit did over T steps; row t is the state after step t, columns in the order of the names.
+
+    Attributes:
+        activation: Activations, shape (T, B, k), [SI unit of its activation].
+        output: Outputs of the neurons, shape (T, B, k), dimensionless.
+        readout: Outputs of the circuit, shape (T, B, m), [SI].
+        states: States of neurons and synapses, shape (T, B, s), [SI].
+        state: The state after the last step, to go on from.
+        neuron_names: The k neurons.
+        output_names: The m outputs.
+        state_names: The s states.
+    """
+
+    activation: FloatArray
+    output: FloatArray
+    readout: FloatArray
+    states: FloatArray
+    state: State
+    neuron_names: Sequence[str]
+    output_names: Sequence[str]
+    state_names: Sequence[str]
+
+
+def input_problem(message: str) -> InputError:
+    """Return the error for inputs that do not fit."""
+    return InputError(Problem("", 0, 0, "inputs", message))
+
+
+def require_batch(batch: int | None, members: int) -> int:
+    """Return the size of a batch: at least 1, and in a sweep the number of its members.
+
+    Raises:
+        InputError: It is another one.
+    """
+    size = members or 1 if batch is None else batch
+    if size < 1 or members not in {0, size}:
+        allowed = f"{members}, the number of circuits of the sweep" if members else "whole numbers from 1"
+        raise InputError(Problem("", 0, 0, "batch", f"found {size}; allowed: {allowed}"))
+    return size
+
+
+def require_seed(seed: int) -> None:
+    """Require a whole number of 64 bits without a sign.
+
+    Raises:
+        InputError: It is another one.
+    """
+    if not (isinstance(seed, int | np.integer) and 0 <= seed <= _LARGEST_SEED):
+        message = f"found {seed}; allowed: whole numbers from 0 to {_LARGEST_SEED}"
+        raise InputError(Problem("", 0, 0, "seed", message))
+
+
+def require_inputs(inputs: FloatArray, names: Sequence[str]) -> None:
+    """Require an array of shape (B, n_inputs) or (T, B, n_inputs).
+
+    Raises:
+        InputError: It is none, or the shape is another one.
+    """
+    found: tuple[int, ...] = getattr(inputs, "shape", ())
+    if len(found) not in {_STEP_AXES, _RUN_AXES} or found[-1] != len(names):
+        message = f"found {_shown(inputs)}; allowed: {_wanted('B', names)} or {_wanted('T, B', names)}"
+        raise input_problem(message)
+
+
+def require_step_inputs(inputs: FloatArray, batch: int, names: Sequence[str]) -> None:
+    """Require an array of shape (B, n_inputs) with the batch size B of the state.
+
+    Raises:
+        InputError: It is none, or the shape is another one.
+    """
+    if getattr(inputs, "shape", ()) != (batch, len(names)):
+        message = f"found {_shown(inputs)}; allowed: {_wanted(str(batch), names)}"
+        raise input_problem(message)
+
+
+def as_run_inputs(inputs: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return the inputs as an array of shape (T, B, n_inputs).
+
+    Raises:
+        InputError: The shape is another one.
+    """
+    array = np.asarray(inputs, dtype=np.float64)
+    if array.ndim != _RUN_AXES or array.shape[-1] != len(names):
+        message = f"found {_shown(array)}; allowed: {_wanted('T, B', names)}"
+        raise input_problem(message)
+    return array
+
+
+def _shown(inputs: object) -> str:
+    shape = getattr(inputs, "shape", None)
+    return f"{type(inputs).__name__}" if shape is None else f"shape {shape}"
+
+
+def _wanted(leading: str, names: Sequence[str]) -> str:
+    columns = f" with the columns {', '.join(names)}" if names else ""
+    return f"an array of shape ({leading}, {len(names)}){columns}"

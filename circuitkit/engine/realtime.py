@@ -9,18 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.engine.checks import require_memory
+from circuitkit.circuit.memory import require_memory
+from circuitkit.engine.operations import FloatArray
 from circuitkit.engine.program import Program
 from circuitkit.engine.run import Stepper
-from circuitkit.engine.state import FloatArray
 
 _FASTEST_HZ = 100e3  # the clock itself is read in some 0.1 us
 _LONGEST_S = 86400.0  # a day
 _TIMES = 6  # kept of each tick, or worked out
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99)
-_SPIN_S = (
-    300e-6  # sleeping ends late by some 60 us on a quiet machine: this much before a tick, waiting takes over
-)
+# Sleeping ends late by some 60 us on a quiet machine: so much before a tick, waiting takes over.
+_SPIN_S = 300e-6
 
 
 @dataclass(frozen=True, eq=False)

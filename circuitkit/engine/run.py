@@ -7,14 +7,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from circuitkit.base.errors import InputError, Problem
-from circuitkit.engine.checks import as_run_inputs, require_memory, require_step_inputs
-from circuitkit.engine.divergence import raise_for
-from circuitkit.engine.kernels import borrow_kernel, return_kernel
-from circuitkit.engine.operations import IndexArray
-from circuitkit.engine.program import Program
+from circuitkit.base.errors import DivergedError, InputError, Problem
+from circuitkit.circuit.memory import require_memory
+from circuitkit.engine.backends import borrow_kernel, return_kernel
+from circuitkit.engine.operations import FloatArray, IndexArray
+from circuitkit.engine.program import Program, State, Trace, as_run_inputs, require_step_inputs
 from circuitkit.engine.record import select
-from circuitkit.engine.state import FloatArray, State, Trace
 
 
 def step(program: Program, state: State, inputs: FloatArray, out: State | None = None) -> State:
@@ -44,7 +42,7 @@ def step(program: Program, state: State, inputs: FloatArray, out: State | None =
     result.seed[...] = state.seed
     return_kernel(program, kernel)
     if not is_finite:
-        raise_for(program, inputs, result)
+        _raise_for(program, inputs, result)
     return result
 
 
@@ -88,7 +86,7 @@ def run(
     kernel.store(last)
     return_kernel(program, kernel)
     if done < steps:
-        raise_for(program, inputs[done], last)
+        _raise_for(program, inputs[done], last)
     n, m = len(selection.neurons), len(selection.outputs)
     return Trace(
         activation=recorded[..., :n],
@@ -170,7 +168,7 @@ class Stepper:
         own[...] = inputs
 
     def _fail(self) -> NoReturn:
-        raise_for(self.program, self.inputs, self.state)
+        _raise_for(self.program, self.inputs, self.state)
 
     def store_output(self, output: FloatArray) -> None:
         """Write the neurons' outputs after the last step into an array of shape (B, n_neurons)."""
@@ -204,3 +202,35 @@ def _require_state(program: Program, state: State, batch: int, where: str) -> No
     if found != wanted:
         message = f"found arrays of shapes {found}; allowed: {wanted}, for the circuit '{program.name}'"
         raise InputError(Problem("", 0, 0, where, message))
+
+
+def _raise_for(program: Program, inputs: FloatArray, state: State) -> NoReturn:
+    """Say what is not finite after a step.
+
+    Args:
+        program: The compiled circuit.
+        inputs: The inputs of the step, shape (B, n_inputs), [SI].
+        state: The state after it.
+
+    Raises:
+        InputError: It is an input; named with the member of the batch.
+        DivergedError: It is something else: the step, the neuron or output, and the member of the batch.
+    """
+    program.check_inputs(inputs)
+    places: tuple[tuple[str, Sequence[str], FloatArray], ...] = (
+        ("state", program.state_names, state.states),
+        ("activation of", program.neuron_names, state.activation),
+        ("output of", program.neuron_names, state.output),
+        ("output", program.output_names, state.readout),
+    )
+    for kind, names, values in places:
+        bad = np.argwhere(~np.isfinite(values))
+        if len(bad):
+            member, column = (int(i) for i in bad[0])
+            message = (
+                f"the circuit '{program.name}' diverged: in step {state.time - 1} the {kind} "
+                f"{names[column]} of batch member {member} became {values[member, column]}"
+            )
+            raise DivergedError(message)
+    message = f"the circuit '{program.name}' diverged in step {state.time - 1}"
+    raise DivergedError(message)

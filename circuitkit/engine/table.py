@@ -17,14 +17,15 @@ from circuitkit.base.files import replacing
 from circuitkit.base.netcdf import write_netcdf
 from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
-from circuitkit.circuit.resolving.neurons import shown_unit
-from circuitkit.engine.checks import require_memory
+from circuitkit.circuit.memory import require_memory
+from circuitkit.circuit.names import node_of
+from circuitkit.circuit.resolving.nodes import shown_unit
 from circuitkit.engine.compile import compile_circuit
 from circuitkit.engine.input_table import TIME, constant_inputs, read_inputs
-from circuitkit.engine.program import Precision, Program
+from circuitkit.engine.operations import FloatArray
+from circuitkit.engine.program import Precision, Program, Trace
 from circuitkit.engine.record import select
 from circuitkit.engine.run import run
-from circuitkit.engine.state import FloatArray, Trace
 
 FORMATS = (".csv", ".nc")
 _CHUNK = 4096  # steps between two reports of progress, and lines that are written at once
@@ -215,7 +216,7 @@ def _state_unit(graph: CircuitGraph, name: str) -> Unit:
     owner, _, state = name.rpartition(".")
     nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     for node in nodes:
-        if node.name == owner.partition("[")[0]:
+        if node.name == node_of(owner):
             found = next(each for each in node.model.states if each.name == state)
             unit = node.activation_unit
             return shown_unit(found, found.unit_rule.dimension(unit.dimension), unit)

@@ -24,13 +24,12 @@ from circuitkit.base.source import (
     FileModel,
     Place,
     data_files,
-    describe,
     read_yaml,
     shipped_file,
     unfilled,
     validate_model,
 )
-from circuitkit.base.source.fields import Damping, NewtonMetres, Seconds, Stiffness
+from circuitkit.base.source.fields import AnyQuantity, Damping, NewtonMetres, Seconds, Stiffness
 from circuitkit.base.units import parse_quantity, parse_unit
 
 FOLDER = "robots"
@@ -45,18 +44,6 @@ def _unit(text: str) -> str:
     return text
 
 
-def _quantity(value: object) -> object:
-    """A quantity of any dimension that stays as it was written."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        message = f"found {describe(value)}; allowed: a quantity such as '8 rad/s' or 0.5"
-        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
-    try:
-        parse_quantity(str(value))
-    except UnitError as error:
-        raise ValueError(str(error)) from error
-    return str(value)
-
-
 def _number_as_text(value: object) -> object:
     """A constant as the text of an expression."""
     return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -67,7 +54,6 @@ UnitText = Annotated[
     BeforeValidator(lambda value: "1" if value == 1 and value is not True else value),
     AfterValidator(_unit),
 ]
-AnyQuantity = Annotated[str, BeforeValidator(_quantity)]
 
 
 class _WithUnit(FileModel):

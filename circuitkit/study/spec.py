@@ -23,7 +23,7 @@ from circuitkit.base.source import (
     read_yaml,
     validate_model,
 )
-from circuitkit.base.source.fields import Ratio, Seconds
+from circuitkit.base.source.fields import AnyQuantity, Ratio, Seconds
 from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 FOLDER = "sims/studies"
@@ -36,27 +36,12 @@ Label: TypeAlias = "str | int | float | bool | None"
 Settings: TypeAlias = Mapping[str, Any]
 
 
-def _amount(value: object) -> object:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        message = f"found {describe(value)}; allowed: a quantity such as '20 N' or '0.1'"
-        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
-    try:
-        parse_quantity(str(value))
-    except UnitError as error:
-        raise ValueError(str(error)) from error
-    return str(value)
-
-
 def _axis(value: object) -> object:
     if not (isinstance(value, list | dict) and value):
         allowed = "a list of values, or a mapping of names to fields"
         message = f"found {describe(value) if value or value is None else 'no values'}; allowed: {allowed}"
         raise ValueError(message)
     return value
-
-
-# A quantity that stays as it was written.
-Amount = Annotated[str, BeforeValidator(_amount)]
 
 
 class Seeds(FileModel):
@@ -76,9 +61,9 @@ class Search(FileModel):
     model_config = ConfigDict(populate_by_name=True)
 
     field: str = Field(description="Path of the field that is searched, such as push.force.")
-    low: Amount = Field(description="Smallest value.")
-    high: Amount = Field(description="Largest value.")
-    step: Amount = Field(description="Distance of two values of the grid.")
+    low: AnyQuantity = Field(description="Smallest value.")
+    high: AnyQuantity = Field(description="Largest value.")
+    step: AnyQuantity = Field(description="Distance of two values of the grid.")
     of: Literal["all_seeds", "each_seed"] = Field(
         default="all_seeds",
         description="Whose boundary: of the seeds together, or of each by itself, for means over seeds.",

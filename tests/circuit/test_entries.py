@@ -190,6 +190,8 @@ def test_a_name_that_stands_for_nothing_is_refused(name, hint):
         ({"substeps": 0}, "<text>:4:11: substeps: found 0; allowed: a whole number from 1 on"),
         ({"control_step": "-1 ms"}, "<text>:2:15: control_step: found -1 ms; allowed: more than 0 s"),
         ({"b.noise": "far"}, "<text>:16:6: neurons.b.noise: unknown parameter 'far'; allowed: a number, a quantity such as '-80 mm', or a parameter: tau"),
+        ({"b.slope": "2 * far"}, "<text>:16:48: neurons.b.slope: unknown parameter 'far'; allowed: a number, a quantity such as '-80 mm', or a parameter: tau"),
+        ({"tau": "2 * far"}, ": parameters.tau: unknown parameter 'far'; allowed: a number, a quantity such as '-80 mm', or a parameter: tau"),
         ({"a.tau": [1, 2]}, "<text>:15:55: neurons.a.tau: found a list of 2; allowed: a number, a quantity such as '-80 mm', or a parameter"),
     ],
 )  # fmt: skip

@@ -16,8 +16,9 @@ few = settings(max_examples=25, deadline=None)
 @given(strategies.circuit_graphs())
 @few
 def test_names_are_unique_and_in_order(graph):
-    names = graph.names()
-    assert len(set(names)) == len(names) == len(graph.inputs) + len(graph.neurons) + len(graph.outputs)
+    names = list(graph.names())
+    assert names == [node.name for node in (*graph.inputs, *graph.neurons, *graph.outputs)]
+    assert len(set(names)) == len(names)
 
 
 @given(strategies.circuit_graphs())

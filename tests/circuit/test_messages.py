@@ -8,7 +8,8 @@ import math
 
 import pytest
 
-from circuitkit.base.errors import InputError, UnknownNameError
+from circuitkit.base.errors import InputError, UnknownNameError, listing
+from circuitkit.base.units import LISTED_SYMBOLS
 from circuitkit.circuit import check, load_circuit, parse_circuit
 from circuitkit.circuit.models import NEURON_MODEL_NAMES
 
@@ -47,7 +48,7 @@ def test_the_base_is_valid(tmp_path, monkeypatch):
 
 MODELS = ", ".join(NEURON_MODEL_NAMES)
 VALUE = "a number, a quantity such as '-80 mm', or a parameter"
-UNITS = "1, %, m, km, cm, mm, um, kg, g, s, ms, us, min, h, Hz, kHz, rad, mrad, deg, N and 10 more"
+UNITS = listing(LISTED_SYMBOLS)
 NAME = "a name of letters, digits and _, not starting with a digit"
 
 # These are followed by a second complaint that is true as well.

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from circuitkit.circuit.names import Names
+from circuitkit.circuit.names import Names, node_of
 
 letters = st.lists(st.text("abc", min_size=1, max_size=3), max_size=4, unique=True)
 
@@ -52,6 +52,13 @@ def test_what_is_no_name_is_not_among_them(name):
     assert name not in found
     with pytest.raises((IndexError, ValueError)):
         found.index(name) if isinstance(name, str) else found[99]
+
+
+@pytest.mark.parametrize(
+    ("name", "node"), [("ring[3]", "ring"), ("left.ring[0]", "left.ring"), ("q1", "q1"), ("", "")]
+)
+def test_the_node_of_a_member_is_its_population(name, node):
+    assert node_of(name) == node
 
 
 def test_a_large_population_takes_no_memory():

@@ -17,9 +17,9 @@ from circuitkit.circuit import load_circuit
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine import Stepper, compile_circuit, run
-from circuitkit.engine.backends.c import fusion, source
-from circuitkit.engine.backends.c.kernel import CompiledKernel
-from circuitkit.engine.kernels import new_kernel
+from circuitkit.engine.backends import compiled_backend, new_kernel
+from circuitkit.engine.backends.c import fusion
+from circuitkit.engine.backends.compiled_backend import CompiledKernel
 from circuitkit.engine.operations import Map, Noise, Recall, Remember, Sum
 
 pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
@@ -31,7 +31,7 @@ PARTS = ("activation", "output", "readout", "states")
 @pytest.fixture(params=FORMS)
 def form(request, monkeypatch):
     """Both ways to print a program."""
-    monkeypatch.setattr(source, "_MAX_UNROLLED", FORMS[request.param])
+    monkeypatch.setattr(compiled_backend, "_MAX_UNROLLED", FORMS[request.param])
     monkeypatch.setattr(fusion, "_MANY_ROWS", 1)
     return request.param
 
@@ -57,7 +57,7 @@ def agree(found, wanted, tolerance=1e-12):
 @given(graph=any_circuits(), seed=st.integers(0, 2**31), limit=st.sampled_from([*FORMS.values()]))
 def test_random_circuits_of_all_kinds_agree_with_numpy_and_alone_with_the_batch(graph, seed, limit):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(source, "_MAX_UNROLLED", limit)
+        patch.setattr(compiled_backend, "_MAX_UNROLLED", limit)
         patch.setattr(fusion, "_MANY_ROWS", 1)
         program = compile_circuit(graph, backend="numpy")
         compiled = replace(program, backend="compiled")

@@ -14,12 +14,11 @@ import pytest
 
 from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit, run
-from circuitkit.engine.backends import compiled_backend
-from circuitkit.engine.backends.c import build, kernel
+from circuitkit.engine.backends import compiled_backend, new_kernel
+from circuitkit.engine.backends.c import build
 from circuitkit.engine.backends.c.build import BuildError, load_program, unavailable
-from circuitkit.engine.backends.c.kernel import CompiledKernel
+from circuitkit.engine.backends.compiled_backend import CompiledKernel
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
-from circuitkit.engine.kernels import new_kernel
 
 pytestmark = pytest.mark.skipif(bool(unavailable()), reason=unavailable())
 SOURCE = '#include "context.h"\nint64_t ck_work(void) {{ return {}; }}\n'
@@ -103,7 +102,7 @@ def test_a_mistake_in_the_making_of_the_c_leads_to_numpy(monkeypatch, caplog):
     def mistaken(*_):
         return {}["row 7"]
 
-    monkeypatch.setattr(kernel, "print_program", mistaken)
+    monkeypatch.setattr(compiled_backend, "print_program", mistaken)
     reason = "internal error of the compiled backend, KeyError: 'row 7'"
     assert compiled_backend.build_kernel(before, 1) == reason
     with caplog.at_level(logging.WARNING, "circuitkit"):

@@ -10,7 +10,7 @@ import pytest
 from programs import program_of
 
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.engine.backends.c.kernel import CompiledKernel
+from circuitkit.engine.backends.compiled_backend import CompiledKernel
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
 from circuitkit.engine.operations import Map
 

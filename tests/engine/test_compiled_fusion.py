@@ -12,7 +12,8 @@ from programs import program_of
 
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import run
-from circuitkit.engine.backends.c import fusion, source
+from circuitkit.engine.backends import compiled_backend
+from circuitkit.engine.backends.c import fusion
 from circuitkit.engine.operations import Map, Sum
 
 pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
@@ -22,7 +23,7 @@ N_INPUTS, N_ROWS, COUNT = 4, 60, 10
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """Even small programs become loops, and even short ones are shared."""
-    monkeypatch.setattr(source, "_MAX_UNROLLED", -1)
+    monkeypatch.setattr(compiled_backend, "_MAX_UNROLLED", -1)
     monkeypatch.setattr(fusion, "_MANY_ROWS", 1)
 
 

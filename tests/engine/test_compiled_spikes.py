@@ -13,8 +13,8 @@ from programs import program_of
 from circuitkit.circuit import parse_circuit
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import compile_circuit, run
-from circuitkit.engine.backends.c import source, spikes
-from circuitkit.engine.kernels import new_kernel
+from circuitkit.engine.backends import compiled_backend, new_kernel
+from circuitkit.engine.backends.c import spikes
 from circuitkit.engine.operations import Map, Recall, Remember, Sum
 
 pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
@@ -24,7 +24,7 @@ N_SOURCES, N_TARGETS, DELAY = 97, 60, 3
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """Even small programs become loops, and their sums go by columns."""
-    monkeypatch.setattr(source, "_MAX_UNROLLED", -1)
+    monkeypatch.setattr(compiled_backend, "_MAX_UNROLLED", -1)
     monkeypatch.setattr(spikes, "_MANY_TERMS", 1)
 
 

@@ -11,7 +11,7 @@ from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.engine import State, Stepper, compile_circuit, run, step
 from circuitkit.engine.backends import BACKEND_NAMES
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
-from circuitkit.engine.lowering.maps import make_map
+from circuitkit.engine.lowering.arithmetic import make_map
 
 
 @pytest.fixture

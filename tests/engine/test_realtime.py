@@ -59,9 +59,19 @@ def test_steps_longer_than_the_period_miss_all_deadlines(program, monkeypatch):
     assert report.most_late_s >= 19 * 3e-3
 
 
-def test_inputs_are_repeated(program):
+def test_inputs_are_repeated(program, monkeypatch):
     inputs = np.random.default_rng(0).normal(size=(3, 2, 2)) * 0.1
+    watched, seen = Stepper(program, 2), []
+    quiet = watched.step
+
+    def step(given=None):
+        seen.append(watched.inputs.copy())
+        return quiet(given)
+
+    watched.step = step
+    monkeypatch.setattr("circuitkit.engine.realtime.Stepper", lambda _program, _batch: watched)
     assert realtime(program, rate_hz=2000.0, seconds=0.01, inputs=inputs).ticks == 20
+    np.testing.assert_array_equal(seen[1:], [inputs[tick % 3] for tick in range(20)])  # the first warms up
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,24 @@ from circuitkit.base.source.data_files import (
     shipped_file,
     shipped_names,
 )
-from circuitkit.base.source.document import Data, Document, Mark, Place, place_text
-from circuitkit.base.source.reader import parse_yaml, read_yaml, scan_text, scan_yaml
+from circuitkit.base.source.reader import (
+    Data,
+    Document,
+    Mark,
+    Place,
+    Pointing,
+    parse_yaml,
+    place_text,
+    read_yaml,
+    scan_text,
+    scan_yaml,
+)
 from circuitkit.base.source.validation import (
     STRAY_TEXT,
     FileModel,
     Finding,
     describe,
+    keys_of,
     model_problems,
     unfilled,
     validate_model,
@@ -32,12 +43,14 @@ __all__ = [
     "Finding",
     "Mark",
     "Place",
+    "Pointing",
     "data_files",
     "data_folder",
     "data_folders",
     "describe",
     "dump_yaml",
     "find_data_file",
+    "keys_of",
     "model_problems",
     "parse_yaml",
     "place_text",

@@ -1,22 +1,101 @@
 """YAML text to a `Document`, with every complaint about the text collected instead of only the first.
 
 Built on the events of PyYAML's parser (the one of libyaml where it is there). Refused are equal keys in a
-mapping, tags, merge keys, aliases that contain themselves or grow without bound, and the scalars that
-`scalars` refuses.
+mapping, tags, merge keys, aliases that contain themselves or grow without bound, and what readers of
+different YAML versions take for different numbers (`010`, `1_000`, `1:30`, `0x1F`).
 """
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn, TypeAlias, TypedDict, Unpack
 
 import yaml
 
 from circuitkit.base.errors import InputError, Problem, suggest
-from circuitkit.base.source.document import Data, Document, Mark, Place, place_text
-from circuitkit.base.source.scalars import RefusedScalarError, plain_scalar
+
+# What a file can hold. Keys are always text.
+Data: TypeAlias = "bool | int | float | str | list[Data] | dict[str, Data] | None"
+# Where a part stands: keys and list positions from the top, such as ("synapses", 3, "to").
+Place: TypeAlias = tuple[str | int, ...]
+
+
+class Mark(NamedTuple):
+    """Where a part stands in the text, all from 1.
+
+    Attributes:
+        line: Line of the value.
+        column: Column of the value.
+        key_line: Line of the key, or of the value for a list item.
+        key_column: Column of the key, or of the value for a list item.
+    """
+
+    line: int
+    column: int
+    key_line: int
+    key_column: int
+
+
+class Pointing(TypedDict, total=False):
+    """Where at a part a complaint points; at the beginning of its value if nothing is said.
+
+    Attributes:
+        at_key: Point at the key instead of the value.
+        offset: Point at this character of the value, from 0.
+    """
+
+    at_key: bool
+    offset: int | None
+
+
+@dataclass(frozen=True)
+class Document:
+    """The data of a file, with the place of every part in the text.
+
+    Attributes:
+        path: The file as the user named it, for messages.
+        data: The data.
+        marks: Line and column of every part; empty for data that came from no text.
+        shifts: For a text in quotes, how far behind its mark it begins; None for one of several lines.
+    """
+
+    path: str
+    data: Data
+    marks: Mapping[Place, Mark]
+    shifts: Mapping[Place, int | None] = field(default_factory=dict)
+
+    def mark(self, place: Place) -> Mark:
+        """The mark of a part, or of the nearest part around it that has one."""
+        for length in range(len(place), -1, -1):
+            if (mark := self.marks.get(place[:length])) is not None:
+                return mark
+        return Mark(1, 1, 1, 1)
+
+    def problem(self, place: Place, message: str, hint: str = "", **pointing: Unpack[Pointing]) -> Problem:
+        """A complaint about a part of this document.
+
+        Args:
+            place: The part.
+            message: What was found; what is allowed.
+            hint: What was probably meant.
+            **pointing: Where at it; see `Pointing`.
+        """
+        mark, offset, shift = self.mark(place), pointing.get("offset"), self.shifts.get(place, 0)
+        line, column = mark[2:] if pointing.get("at_key") else mark[:2]
+        if offset is not None and shift is not None and place in self.marks:
+            column += offset + shift
+        return Problem(self.path, line, column, place_text(place), message, hint)
+
+
+def place_text(place: Place) -> str:
+    """A place as text, such as `synapses[3].to`."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place)
+    return text.removeprefix(".")
+
 
 _MOST_BY_ALIASES = 200_000
 _DEEPEST = 50
@@ -253,3 +332,56 @@ class _Builder:
         """Note a problem after which the rest cannot be read."""
         self.complain(event, (), message)
         raise _UnreadableError
+
+
+# Plain scalars: only `true` and `false` are booleans, and `1e-3` is a number.
+_WORDS: dict[str, bool | None] = {"": None, "~": None, "null": None, "true": True, "false": False}
+_STARTS_A_NUMBER = frozenset("0123456789+-.")
+_INTEGER = re.compile(r"[-+]?(?:0|[1-9]\d*)")
+_REAL = re.compile(r"[-+]?(?:(?:0|[1-9]\d*)(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF|nan|NaN|NAN)")
+_LEADING_ZERO = re.compile(r"[-+]?0\d[\d_]*(?:\.\d*)?(?:[eE][-+]?\d+)?")
+_OTHER_BASE = re.compile(r"[-+]?0(?:[xX][\da-fA-F_]+|[oO][0-7_]+|[bB][01_]+)")
+_UNDERSCORE = re.compile(r"[-+]?\d[\d_]*(?:\.[\d_]*)?(?:[eE][-+]?\d+)?")
+_SEXAGESIMAL = re.compile(r"[-+]?\d[\d_]*(?::[0-5]?\d)+(?:\.\d*)?")
+_LONGEST_INTEGER = 300
+
+_REFUSED = (
+    (_NOT_FINITE, "a finite number"),
+    (_LEADING_ZERO, "a number without leading zeros (some take these for octal), or quotes for a text"),
+    (_OTHER_BASE, "a decimal number, or quotes for a text"),
+    (_SEXAGESIMAL, "a decimal number (some take colons for base 60), or quotes for a text"),
+    (_UNDERSCORE, "a number without underscores, or quotes for a text"),
+)
+
+
+class RefusedScalarError(ValueError):
+    """A plain scalar that different YAML readers take for different values, or that is not finite."""
+
+
+def plain_scalar(text: str) -> bool | float | int | str | None:
+    """The value of an unquoted scalar.
+
+    Raises:
+        RefusedScalarError: It is ambiguous or not finite; the message says what is allowed.
+    """
+    if text in _WORDS:
+        return _WORDS[text]
+    if text[0] not in _STARTS_A_NUMBER:
+        return text
+    if _INTEGER.fullmatch(text) and len(text) < _LONGEST_INTEGER:
+        return int(text)
+    if _REAL.fullmatch(text):
+        number = float(text)
+        if math.isfinite(number):
+            return number
+        raise RefusedScalarError(_refusal(text, "a finite number"))
+    for pattern, allowed in _REFUSED:
+        if pattern.fullmatch(text):
+            raise RefusedScalarError(_refusal(text, allowed))
+    return text
+
+
+def _refusal(text: str, allowed: str) -> str:
+    shown = text if len(text) < _LONGEST_INTEGER else f"{text[:20]}…"
+    return f"found {shown}; allowed: {allowed}"

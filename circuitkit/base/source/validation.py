@@ -7,12 +7,13 @@ import re
 import types
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
-from circuitkit.base.source.document import Data, Document, Place
+from circuitkit.base.source.reader import Data, Document, Place
 from circuitkit.base.units import format_quantity, parse_quantity
 
 _UNION_KINDS = (Union, types.UnionType)
@@ -67,10 +68,7 @@ def validate_model(document: Document, model: type[ModelT], at: Place = ()) -> M
     Raises:
         InputError: With every complaint, in the order of the file.
     """
-    data = document.data
-    for part in at:
-        data = data[part]  # type: ignore[index]  # the caller names a part that is there
-    result, findings = model_problems(document, model, data, at)
+    result, findings = model_problems(document, model, _part(document.data, at), at)
     if result is None:
         raise InputError(*(finding.problem for finding in findings))
     return result
@@ -102,10 +100,8 @@ def model_problems(
         by_place.setdefault(_place(detail, data), []).append(detail)
     for place, group in by_place.items():
         if group[0]["type"] == "missing" and isinstance(place[-1], int):
-            if (
-                *place[:-1],
-                place[-1] + 1,
-            ) not in by_place:  # of a list that is too short, the last one says it
+            next_one = (*place[:-1], place[-1] + 1)
+            if next_one not in by_place:  # of a list that is too short, the last one says it
                 findings.append(_too_short(document, data, at, place))
             continue
         if group[0]["type"] == "missing":
@@ -119,10 +115,16 @@ def model_problems(
     return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
 
 
+def _part(data: Data, place: Place) -> Data:
+    """The part of the data at a place that is there."""
+    for part in place:
+        data = data[part]  # type: ignore[index]  # a place has keys of mappings and numbers of lists
+    return data
+
+
 def _too_short(document: Document, data: Data, at: Place, place: Place) -> Finding:
-    for part in place[:-1]:
-        data = data[part]  # type: ignore[index]  # the place of a complaint exists, but for its last part
-    message = f"found {describe(data)}; allowed: a list of {int(place[-1]) + 1}"
+    found = describe(_part(data, place[:-1]))
+    message = f"found {found}; allowed: a list of {int(place[-1]) + 1}"
     return Finding((*at, *place[:-1]), "missing", document.problem((*at, *place[:-1]), message))
 
 
@@ -133,10 +135,8 @@ def _misspelt(
     around = model_at(model, place[:-1])
     if around is None or around.model_config.get("extra") != "allow":
         return
-    for part in place[:-1]:
-        data = data[part]  # type: ignore[index]  # the place of a complaint exists, but for its last part
-    keys = _keys(around)
-    for key in data if isinstance(data, dict) else ():
+    keys, written = keys_of(around), _part(data, place[:-1])
+    for key in written if isinstance(written, dict) else ():
         if key not in keys and suggest(key, keys) == suggest(str(place[-1]), [str(place[-1])]):
             message = f"unknown key '{key}'; allowed: {listing(sorted(keys))}"
             problem = document.problem((*at, *place[:-1], key), message, suggest(key, keys), at_key=True)
@@ -179,7 +179,7 @@ def _finding(
 ) -> Finding:
     detail, kind = group[0], group[0]["type"]
     around = model_at(model, place[:-1]) if kind in {"missing", "extra_forbidden"} else None
-    keys = _keys(around) if around else {}
+    keys = keys_of(around) if around else {}
     name = str(place[-1]) if place else ""
     if kind == "missing":
         required = [key for key, is_required in keys.items() if is_required]
@@ -247,8 +247,6 @@ _BOUNDS = {
     "union_tag_invalid": "{expected_tags}",
     "union_tag_not_found": "a mapping with the key {discriminator}",
 }
-
-
 _SIZES = frozenset({"greater_than", "greater_than_equal", "less_than", "less_than_equal"})
 
 
@@ -272,7 +270,8 @@ def _literals(detail: Mapping[str, Any]) -> list[str]:
     return re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", ""))))
 
 
-def _keys(model: type[BaseModel]) -> dict[str, bool]:
+@cache
+def keys_of(model: type[BaseModel]) -> Mapping[str, bool]:
     """Every key of a model's mapping, with whether it is required."""
     return {field.alias or name: field.is_required() for name, field in model.model_fields.items()}
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import yaml
 
-from circuitkit.base.source.document import Data
-from circuitkit.base.source.scalars import RefusedScalarError, plain_scalar
+from circuitkit.base.source.reader import Data, RefusedScalarError, plain_scalar
 
 _UNUSUAL_BREAKS = frozenset("\x85\u2028\u2029")
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity, parse_unit
-from circuitkit.circuit.authoring.flat import parameter_unit
+from circuitkit.base.units import Unit, format_quantity, parse_unit
+from circuitkit.circuit.authoring.flat import endpoint, nodes_of, parameter_unit, weight_unit
 from circuitkit.circuit.graph import (
     CircuitGraph,
     Neuron,
@@ -20,7 +20,8 @@ from circuitkit.circuit.graph import (
     Synapse,
 )
 from circuitkit.circuit.models import NeuronModel, SynapseModel
-from circuitkit.circuit.resolving.neurons import shown_unit
+from circuitkit.circuit.names import node_of
+from circuitkit.circuit.resolving.nodes import shown_unit
 
 Fields: TypeAlias = "dict[str, tuple[Any, Unit | None]]"  # a value, and the unit in which it is shown
 _TINY = 1e-3
@@ -108,18 +109,15 @@ class Weights:
     """The weights of a circuit as texts."""
 
     def __init__(self, graph: CircuitGraph) -> None:
-        self._inputs = {node.name: node.unit for node in graph.inputs}
-        self._activation = {node.name: node.activation_unit for node in _neurons(graph)}
+        self._nodes = nodes_of(graph)
 
     def endpoint_units(self, edge: Synapse | Projection) -> tuple[Unit, Unit]:
         """Return the units of the target's activation and of the source."""
-        source = self._inputs.get(edge.source, DIMENSIONLESS)
-        return self._activation[_node_of(edge.target)], source
+        return endpoint(self._nodes, edge.target).activation, endpoint(self._nodes, edge.source).unit
 
     def text(self, edge: Synapse | Projection, weights: PerMember) -> str:
         """Return weights in SI units, or in the target's if they are tiny otherwise."""
-        target, source = self.endpoint_units(edge)
-        unit = edge.model.weight.dimension(target.dimension, source.dimension).si_unit
+        target, unit = endpoint(self._nodes, edge.target).activation, weight_unit(edge, self._nodes)
         largest = abs(weights) if isinstance(weights, float | int) else float(abs(weights).max(initial=0.0))
         is_tiny = 0 < largest < _TINY and target.dimension == unit.dimension
         return value_text(weights, target if is_tiny else unit)
@@ -212,17 +210,12 @@ def _edges(graph: CircuitGraph, called: Callable[[str], str]) -> Iterator[Elemen
         seen[kind, *endpoints] += 1
         number = seen[kind, *endpoints]
         title = " -> ".join(endpoints) + (f" ({number})" if number > 1 else "")
-        yield Element(kind, title, fields, tuple(map(_node_of, endpoints)))
+        yield Element(kind, title, fields, tuple(map(node_of, endpoints)))
     for output in graph.outputs:
         for name, weight in output.readout:
             endpoints = called(name), called(output.name)
             fields = {"weight": (weight, output.unit)}
-            yield Element("readout", " -> ".join(endpoints), fields, tuple(map(_node_of, endpoints)))
-
-
-def _node_of(name: str) -> str:
-    """Return the population of a member, or the name itself."""
-    return name.partition("[")[0]
+            yield Element("readout", " -> ".join(endpoints), fields, tuple(map(node_of, endpoints)))
 
 
 def _edge_fields(edge: Synapse | Projection, target: Unit, source: Unit) -> Fields:

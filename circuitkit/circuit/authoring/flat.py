@@ -33,8 +33,8 @@ from circuitkit.circuit.models import (
     SynapseModel,
 )
 from circuitkit.circuit.models.writing import model_data
-from circuitkit.circuit.resolving.neurons import shown_unit, start
-from circuitkit.circuit.resolving.signals import Endpoint, Nodes
+from circuitkit.circuit.names import node_of
+from circuitkit.circuit.resolving.nodes import Endpoint, Nodes, shown_unit, start
 
 _PER_ANGLE = Dimension(angle=-1)
 MOST_LISTED = 10_000  # values that are listed for one population or projection
@@ -67,10 +67,6 @@ def flat_yaml(graph: CircuitGraph, folder: Path | None = None) -> str:
     return dump_yaml(flat_document(graph, folder))
 
 
-def _si(dimension: Dimension) -> Unit:
-    return parse_unit(dimension.si_symbol)
-
-
 def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | ModelState) -> Unit:
     """Return the unit in which a parameter or state of a neuron is shown."""
     activation = neuron.activation_unit
@@ -78,11 +74,6 @@ def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | Mode
     if dimension == _PER_ANGLE and activation.symbol.isalpha():  # per degree, for nobody thinks in radians
         return parse_unit(f"/{activation.symbol}")
     return shown_unit(parameter, dimension, activation)
-
-
-def weight_unit(graph: CircuitGraph, synapse: Synapse | Projection) -> Unit:
-    """Find the unit in which the weight of a synapse is shown: what its model gives it at its endpoints."""
-    return _weight_unit(synapse, nodes_of(graph))
 
 
 def nodes_of(graph: CircuitGraph) -> Nodes:
@@ -94,17 +85,19 @@ def nodes_of(graph: CircuitGraph) -> Nodes:
     )
 
 
-def _endpoint(nodes: Nodes, name: str) -> Endpoint:
-    end = nodes.endpoint(name.partition("[")[0])
+def endpoint(nodes: Nodes, name: str) -> Endpoint:
+    """Return a node as the end of a synapse; of a member its population."""
+    end = nodes.endpoint(node_of(name))
     if end is None:
         message = f"the circuit has no node {name}"
         raise KeyError(message)
     return end
 
 
-def _weight_unit(synapse: Synapse | Projection, nodes: Nodes) -> Unit:
-    target, source = _endpoint(nodes, synapse.target), _endpoint(nodes, synapse.source)
-    return _si(synapse.model.weight.dimension(target.activation.dimension, source.unit.dimension))
+def weight_unit(synapse: Synapse | Projection, nodes: Nodes) -> Unit:
+    """The SI unit of the weight of a synapse: what its model gives it at its endpoints."""
+    target, source = endpoint(nodes, synapse.target), endpoint(nodes, synapse.source)
+    return synapse.model.weight.dimension(target.activation.dimension, source.unit.dimension).si_unit
 
 
 class _Flat:
@@ -141,14 +134,14 @@ class _Flat:
 
     def synapse(self, synapse: Synapse) -> dict[str, Any]:
         """Return an entry of `synapses`."""
-        unit = _weight_unit(synapse, self.nodes)
+        unit = weight_unit(synapse, self.nodes)
         entry = {"from": synapse.source, "to": synapse.target, "weight": exact(synapse.weight, unit)}
         return entry | self.of_model(synapse, unit, f"{synapse.source} -> {synapse.target}")
 
     def of_model(self, synapse: Synapse | Projection, weight: Unit, what: str) -> dict[str, Any]:
         """Return the keys of a synapse or projection that depend on its model."""
         model = synapse.model
-        target, source = _endpoint(self.nodes, synapse.target), _endpoint(self.nodes, synapse.source)
+        target, source = endpoint(self.nodes, synapse.target), endpoint(self.nodes, synapse.source)
         entry: dict[str, Any] = {}
         if model != STATIC:
             entry["model"] = model.name
@@ -169,10 +162,10 @@ class _Flat:
     def projection(self, number: int, projection: Projection) -> dict[str, Any]:
         """Return an entry of `projections`."""
         what = f"{projection.source} -> {projection.target}"
-        unit = _weight_unit(projection, self.nodes)
+        unit = weight_unit(projection, self.nodes)
         entry: dict[str, Any] = {"from": projection.source, "to": projection.target}
         n_source, n_target = (
-            _endpoint(self.nodes, name).size for name in (projection.source, projection.target)
+            endpoint(self.nodes, name).size for name in (projection.source, projection.target)
         )
         rule = _rule(projection, n_source, n_target)
         if rule or len(projection.sources) <= MOST_LISTED or self.folder is None:

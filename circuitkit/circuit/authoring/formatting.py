@@ -16,7 +16,15 @@ from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, UnitError
 from circuitkit.base.files import replacing
-from circuitkit.base.source import Data, find_data_file, model_problems, parse_yaml, scan_text, scan_yaml
+from circuitkit.base.source import (
+    Data,
+    find_data_file,
+    keys_of,
+    model_problems,
+    parse_yaml,
+    scan_text,
+    scan_yaml,
+)
 from circuitkit.base.source.commented import Collection, CommentedText, Entry, Scalar, read_commented
 from circuitkit.base.source.rewriting import write_commented
 from circuitkit.base.source.validation import model_at
@@ -173,7 +181,7 @@ class _Orderer:
             return
         place = (section, 0) if section in _LISTED else (section, entry.name)
         model = model_at(FileSpec, place)
-        keys = [field.alias or key for key, field in model.model_fields.items()] if model else []
+        keys = keys_of(model) if model else ()
         own = [key for key in keys if key not in _LAST]
         _sort(entry.value, (*own, *self._parameters(section, entry.value), *_LAST))
 

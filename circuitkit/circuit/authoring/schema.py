@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from circuitkit.base.source.fields import NUMBER_OR_TEXT
 from circuitkit.circuit.models import (
     NEURON_MODEL_NAMES,
     SYNAPSE_MODEL_NAMES,
@@ -17,7 +18,6 @@ from circuitkit.circuit.models.declaration import NeuronForm, SynapseForm
 from circuitkit.circuit.spec import CircuitSpec
 
 Schema = dict[str, Any]
-_VALUE: Schema = {"anyOf": [{"type": "number"}, {"type": "string"}]}
 _VALUES: Schema = {"$ref": "#/$defs/Values"}
 
 
@@ -38,9 +38,9 @@ def circuit_schema() -> Schema:
     schema["title"] = "circuitkit circuit"
     neurons = [neuron_model(name) for name in NEURON_MODEL_NAMES]
     synapses = [synapse_model(name) for name in SYNAPSE_MODEL_NAMES]
-    _add_models(definitions["NeuronSpec"], neurons, _VALUE)
+    _add_models(definitions["NeuronSpec"], neurons, NUMBER_OR_TEXT)
     _add_models(definitions["PopulationSpec"], neurons, _VALUES)
-    _add_models(definitions["SynapseSpec"], synapses, _VALUE)
+    _add_models(definitions["SynapseSpec"], synapses, NUMBER_OR_TEXT)
     _add_models(definitions["ProjectionSpec"], synapses, _VALUES)
     for section, form in (("neuron_models", NeuronForm), ("synapse_models", SynapseForm)):
         (pattern,) = schema["properties"][section]["patternProperties"]

@@ -27,8 +27,7 @@ from circuitkit.base.units import (
 )
 from circuitkit.circuit.expressions.dimensions import DimensionError, OpenDimension, dimension_of
 from circuitkit.circuit.expressions.expression import CONSTANTS, SCALAR_FUNCTIONS, Expression, Name
-from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.circuit.expressions.quantities import with_stand_ins
+from circuitkit.circuit.expressions.parsing import parse_expression, with_stand_ins
 
 # A float, or a numpy array.
 Number: TypeAlias = Any

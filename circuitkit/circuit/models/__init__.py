@@ -11,12 +11,13 @@ from circuitkit.circuit.models.model import (
     SynapseModel,
     UnitRule,
 )
-from circuitkit.circuit.models.reading import read_neuron_model, read_synapse_model
-from circuitkit.circuit.models.shipped import (
+from circuitkit.circuit.models.reading import (
     NEURON_MODEL_NAMES,
     STATIC,
     SYNAPSE_MODEL_NAMES,
     neuron_model,
+    read_neuron_model,
+    read_synapse_model,
     synapse_model,
 )
 

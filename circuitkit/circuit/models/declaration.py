@@ -9,12 +9,12 @@ import keyword
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias, Unpack
 
 from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnitError, listing, suggest
-from circuitkit.base.source import Document, FileModel, Place
+from circuitkit.base.source import Document, FileModel, Place, Pointing
 from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit, parse_quantity
 from circuitkit.circuit.expressions.dimensions import (
     NO_DIMENSION,
@@ -145,12 +145,9 @@ class Declaration:
         """The last key of the place; empty if the declaration is a document of its own."""
         return str(self.place[-1]) if self.place else ""
 
-    def complain(
-        self, place: Place, message: str, hint: str = "", *, offset: int | None = None, at_key: bool = False
-    ) -> None:
-        """Note what is wrong at a place inside the declaration, `offset` characters into a text."""
-        at = (*self.place, *place)
-        self.problems.append(self.document.problem(at, message, hint, at_key=at_key, offset=offset))
+    def complain(self, place: Place, message: str, hint: str = "", **pointing: Unpack[Pointing]) -> None:
+        """Note a complaint as `Document.problem` makes it, about a place inside the declaration."""
+        self.problems.append(self.document.problem((*self.place, *place), message, hint, **pointing))
 
     def finish(self) -> None:
         """Refuse the declaration if anything is wrong with it.

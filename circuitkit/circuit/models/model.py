@@ -159,8 +159,24 @@ class Spike:
     reset: Mapping[str, Expression]
 
 
+class _WithParameters:
+    """What neuron and synapse models tell of their parameters."""
+
+    parameters: tuple[ModelParameter, ...]
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @cached_property
+    def defaults(self) -> Mapping[str, float]:
+        """A value for every parameter: its default, or zero where a circuit must give one, [SI]."""
+        return {parameter.name: parameter.default or 0.0 for parameter in self.parameters}
+
+
 @dataclass(frozen=True)
-class NeuronModel:
+class NeuronModel(_WithParameters):
     """What a neuron computes from its activation.
 
     Without states it is a function of the activation (eq. 12). With `derivatives` it is continuous: it
@@ -197,16 +213,6 @@ class NeuronModel:
     activation: Unit | None = None
 
     @cached_property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters, in order."""
-        return tuple(parameter.name for parameter in self.parameters)
-
-    @cached_property
-    def defaults(self) -> Mapping[str, float]:
-        """A value for every parameter: its default, or zero where a circuit must give one, [SI]."""
-        return {parameter.name: parameter.default or 0.0 for parameter in self.parameters}
-
-    @cached_property
     def continuous(self) -> bool:
         """Whether it advances in substeps."""
         return bool(self.derivatives)
@@ -216,7 +222,7 @@ class NeuronModel:
 
 
 @dataclass(frozen=True)
-class SynapseModel:
+class SynapseModel(_WithParameters):
     """What a synapse delivers to its target's activation.
 
     With `per` "synapse", expressions are in terms of `weight`, `pre`, `post`, `gate`, states of the source
@@ -262,16 +268,6 @@ class SynapseModel:
     method: Method = "exponential_euler"
     increasing: tuple[str, ...] = ()
     plain_source: bool = False
-
-    @cached_property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters, in order."""
-        return tuple(parameter.name for parameter in self.parameters)
-
-    @cached_property
-    def defaults(self) -> Mapping[str, float]:
-        """A value for every parameter: its default, or zero where a circuit must give one, [SI]."""
-        return {parameter.name: parameter.default or 0.0 for parameter in self.parameters}
 
     @cached_property
     def gated(self) -> bool:

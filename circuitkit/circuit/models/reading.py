@@ -1,13 +1,17 @@
-"""Model declarations, of this folder or of a circuit file, to `NeuronModel` and `SynapseModel`."""
+"""Model declarations, of this folder or of a circuit file, to `NeuronModel` and `SynapseModel`.
+
+Those of this folder are read when they are first asked for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeVar
+from functools import lru_cache
+from pathlib import Path
 
-from circuitkit.base.errors import InputError, listing
-from circuitkit.base.source import Document, FileModel, Place, model_problems
+from circuitkit.base.errors import InputError, UnknownNameError, listing
+from circuitkit.base.source import Document, Place, read_yaml, shipped_file, shipped_names, validate_model
 from circuitkit.base.units import Unit
 from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
 from circuitkit.circuit.expressions.expression import Expression
@@ -30,8 +34,6 @@ from circuitkit.circuit.models.model import (
     UnitRule,
 )
 
-FormT = TypeVar("FormT", bound=FileModel)
-
 _ACTIVATION_DIMENSION = OpenDimension(activation=1)
 # Keys of neurons and synapses in a circuit file, beside which the parameters stand, and names of equations.
 _KEYS = ("model", "description", "initial")
@@ -47,7 +49,7 @@ def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
     Raises:
         InputError: It is no sound declaration; carries every problem, with line and column.
     """
-    form = _form(document, place, NeuronForm)
+    form = validate_model(document, NeuronForm, place)
     declaration = Declaration(document, place, NEURON_WORDS, _TAKEN_BY_NEURONS)
     activation = _activation(declaration, form)
     declaration.dimensions |= {ACTIVATION: declaration.dimension(UnitRule("", activation=1))}
@@ -89,7 +91,7 @@ def read_synapse_model(document: Document, place: Place = ()) -> SynapseModel:
     Raises:
         InputError: It is no sound declaration; carries every problem, with line and column.
     """
-    form = _form(document, place, SynapseForm)
+    form = validate_model(document, SynapseForm, place)
     declaration = Declaration(document, place, SYNAPSE_WORDS[:-1], _TAKEN_BY_SYNAPSES)
     try:
         return _synapse_model(declaration, form)
@@ -137,16 +139,6 @@ def _synapse_model(declaration: Declaration, form: SynapseForm) -> SynapseModel:
         increasing=form.increasing,
         plain_source=declaration.plain_source,
     )
-
-
-def _form(document: Document, place: Place, kind: type[FormT]) -> FormT:
-    data = document.data
-    for part in place:
-        data = data[part]  # type: ignore[index]  # the caller names a part that is there
-    form, findings = model_problems(document, kind, data, place)
-    if form is None:
-        raise InputError(*(finding.problem for finding in findings))
-    return form
 
 
 def _activation(declaration: Declaration, form: NeuronForm) -> Unit | None:
@@ -213,3 +205,39 @@ def _reads(declaration: Declaration, form: SynapseForm) -> Mapping[str, UnitRule
         found[name], _ = declaration.rule(("reads", name), text)
         declaration.dimensions[name] = declaration.dimension(found[name])
     return found
+
+
+_NEURONS, _SYNAPSES = "models/neurons", "models/synapses"
+NEURON_MODEL_NAMES: tuple[str, ...] = shipped_names(_NEURONS)
+SYNAPSE_MODEL_NAMES: tuple[str, ...] = shipped_names(_SYNAPSES)
+
+
+@lru_cache
+def neuron_model(name: str) -> NeuronModel:
+    """Return the neuron model of this name.
+
+    Raises:
+        UnknownNameError: There is none; the message lists those there are.
+    """
+    return read_neuron_model(read_yaml(_file(_NEURONS, name)))
+
+
+@lru_cache
+def synapse_model(name: str) -> SynapseModel:
+    """Return the synapse model of this name.
+
+    Raises:
+        UnknownNameError: There is none; the message lists those there are.
+    """
+    return read_synapse_model(read_yaml(_file(_SYNAPSES, name)))
+
+
+def _file(folder: str, name: str) -> Path:
+    found = shipped_file(folder, f"{name}.yaml")
+    if found is None:
+        kind = "model"
+        raise UnknownNameError(kind, name, shipped_names(folder))
+    return found
+
+
+STATIC = synapse_model("static")

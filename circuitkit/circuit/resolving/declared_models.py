@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
 from itertools import pairwise
 from typing import Any, TypeVar
 
 from circuitkit.base.errors import InputError, listing, suggest
-from circuitkit.base.source import STRAY_TEXT, Document, Place
+from circuitkit.base.source import STRAY_TEXT, Document, Place, keys_of
 from circuitkit.base.units import DIMENSIONLESS
 from circuitkit.circuit.expressions.values import Amount
 from circuitkit.circuit.models import (
@@ -21,7 +20,7 @@ from circuitkit.circuit.models import (
     read_synapse_model,
     synapse_model,
 )
-from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import WithModelParameters
 
@@ -101,6 +100,16 @@ def _own(
     return own
 
 
+def reader(scope: Scope, item: Item[Any]) -> Reader:
+    """Read the values of an entry as one number each."""
+
+    def read(place: Place, value: object) -> Amount | None:
+        quantity = scope.value(item, place, value)
+        return None if quantity is None else Amount(quantity.value_si, quantity.unit)
+
+    return read
+
+
 def written_parameters(
     scope: Scope, item: Item[Any], model: NeuronModel | SynapseModel, read: Reader
 ) -> dict[str, Amount]:
@@ -115,7 +124,7 @@ def written_parameters(
     spec: WithModelParameters = item.spec
     if not spec.values and not model.parameters:
         return {}
-    fields = _keys(type(spec))
+    fields = keys_of(type(spec))
     names = model.parameter_names
     for key in spec.values:
         if key not in names:
@@ -137,12 +146,6 @@ def written_parameters(
             message = f"missing key '{name}'; required by {model.name}: {listing(required)}"
             scope.errors.append(item.problem((), message, at_key=True))
     return found
-
-
-@cache
-def _keys(spec: type[WithModelParameters]) -> Mapping[str, bool]:
-    """Return the keys of an entry beside the parameters of its model, with whether they are required."""
-    return {field.alias or name: field.is_required() for name, field in spec.model_fields.items()}
 
 
 def check_order(

@@ -10,7 +10,7 @@ from circuitkit.base.errors import listing, suggest
 from circuitkit.base.units import DIMENSIONLESS, Quantity, parse_unit
 from circuitkit.circuit.graph import Timing
 from circuitkit.circuit.parts import Part
-from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import FileSpec
 

@@ -13,7 +13,7 @@ from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place, describe
 from circuitkit.base.units import DIMENSIONLESS, Quantity
 from circuitkit.circuit.expressions.values import Amount
-from circuitkit.circuit.resolving.items import Item
+from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import DISTRIBUTIONS
 
@@ -44,11 +44,10 @@ def member_values(scope: Scope, item: Item[Any], place: Place, value: object, si
     Returns:
         One number or an array of shape (size,), [SI]; None after complaining.
     """
-    address = scope.address(item, place)
-    if scope.is_given(item, place):
-        scope, value = scope.root, scope.findings.overrides[address]
-    if isinstance(value, list | tuple | dict):
-        return listed(scope, item, place, value, size, address)
+    address, is_given = scope.address(item, place), scope.is_given(item, place)
+    written = scope.findings.overrides[address] if is_given else value
+    if isinstance(written, list | tuple | dict):
+        return listed(scope.root if is_given else scope, item, place, written, size, address)
     members = Amount(np.arange(size, dtype=np.float64), DIMENSIONLESS)
     return scope.amounts(item, place, value, {"i": members, "n": Amount(float(size), DIMENSIONLESS)})
 

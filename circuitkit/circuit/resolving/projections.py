@@ -14,18 +14,18 @@ from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, format_quantity
 from circuitkit.circuit.expressions.values import Amount, names_in
 from circuitkit.circuit.graph import PerMember, Projection, SynapseKind
+from circuitkit.circuit.memory import Budget
 from circuitkit.circuit.models import SynapseModel
 from circuitkit.circuit.resolving import connectivity
 from circuitkit.circuit.resolving.connectivity import Connections
+from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.declared_models import DeclaredModels, Reader, written_parameters
 from circuitkit.circuit.resolving.header import Header
-from circuitkit.circuit.resolving.items import Item
 from circuitkit.circuit.resolving.matrices import MatrixFileError, read_matrix
 from circuitkit.circuit.resolving.member_values import generator, listed
-from circuitkit.circuit.resolving.memory import Budget
-from circuitkit.circuit.resolving.neurons import start
+from circuitkit.circuit.resolving.nodes import Endpoint, Nodes, start
 from circuitkit.circuit.resolving.scope import Scope
-from circuitkit.circuit.resolving.signals import Endpoint, Nodes, Signals, Term
+from circuitkit.circuit.resolving.signals import Signals, Term
 from circuitkit.circuit.resolving.synapses import (
     check_linear,
     check_parameters,
@@ -92,15 +92,8 @@ def _is_first(
 
 
 def _target(scope: Scope, item: Item[ProjectionSpec], nodes: Nodes) -> Endpoint | None:
-    name = item.spec.to
-    located = scope.locate(name)
-    if located is None or located.kind not in _TARGETS:
-        if located is not None or not scope.is_lost(name):
-            allowed = "a neuron or a population"
-            message, hint = scope.unknown("target", name, allowed, scope.names(*_TARGETS))
-            scope.errors.append(item.problem(("to",), message, hint))
-        return None
-    return nodes.located(scope, item, ("to",), located)
+    located = scope.find(item, ("to",), item.spec.to, _TARGETS, "target", "a neuron or a population")
+    return nodes.located(scope, item, ("to",), located) if located else None
 
 
 class _Making:

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, TypeVar
 
 from circuitkit.base.errors import listing, suggest
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit
 from circuitkit.circuit.expressions.values import (
     Amount,
+    LookUp,
     LostNameError,
     ValueProblemError,
     compute,
     evaluate,
     unknown_parameter,
 )
+from circuitkit.circuit.names import node_of
 from circuitkit.circuit.parts import Module, Part
 from circuitkit.circuit.resolving.declarations import (
     RESERVED_NAME,
+    Findings,
+    Item,
+    SpecT,
     a_kind,
     claim_names,
     doubt_names,
@@ -29,7 +34,6 @@ from circuitkit.circuit.resolving.declarations import (
     merged_parameters,
     refuse_inner_names,
 )
-from circuitkit.circuit.resolving.items import Findings, Item, SpecT
 from circuitkit.circuit.spec import (
     FileSpec,
     InputSpec,
@@ -42,6 +46,7 @@ from circuitkit.circuit.spec import (
     SynapseSpec,
 )
 
+WorkedT = TypeVar("WorkedT", Quantity, Amount)
 # Far beyond any use, and far from Python's limit of recursion.
 _LONGEST_CHAIN = 50
 _MEMBER = re.compile(r"(?P<population>.*)\[(?P<member>\d+)\]")
@@ -177,7 +182,7 @@ class Scope:
         first, dot, rest = name.partition(".")
         if dot and first in self.instances and self.instances[first].is_lost(rest):
             return True
-        return self.incomplete or name.partition("[")[0] in self.lost or first in self.lost_instances
+        return self.incomplete or node_of(name) in self.lost or first in self.lost_instances
 
     def locate(self, name: str) -> Located | None:
         """Find what the name of a node, a member or an output stands for; None if nothing has it.
@@ -206,6 +211,36 @@ class Scope:
         own = [name for name, (kind, _) in self.nodes.items() if kind in kinds]
         inner = [f"{key}.{name}" for key, scope in self.instances.items() for name in scope.names(*kinds)]
         return [*own, *inner]
+
+    def find(
+        self,
+        item: Item[SpecT],
+        inner: Place,
+        name: str,
+        kinds: Sequence[str],
+        what: str,
+        allowed: str,
+        *,
+        at_key: bool = False,
+    ) -> Located | None:
+        """Find what a name stands for, if that is of one of these kinds; None after complaining.
+
+        Args:
+            item: What mentions the name.
+            inner: Where in the item.
+            name: The name.
+            kinds: As in `Located`.
+            what: What the name should stand for, such as "source".
+            allowed: What is allowed, in words.
+            at_key: The name is the key of what stands there.
+        """
+        located = self.locate(name)
+        if located is not None and located.kind in kinds:
+            return located
+        if located is not None or not self.is_lost(name):
+            message, hint = self.unknown(what, name, allowed, self.names(*kinds))
+            self.errors.append(item.problem(inner, message, hint, at_key=at_key))
+        return None
 
     def unknown(self, what: str, name: str, allowed: str, names: Sequence[str]) -> tuple[str, str]:
         """Return message and hint about a name that is not among the names allowed here."""
@@ -252,30 +287,37 @@ class Scope:
             unit: A unit of the dimension that is allowed; None for any.
             reason: Why this dimension, for the message.
         """
-        scope = self
-        if item.place[:1] != ("parameters",) and self.is_given(item, inner):
-            scope, value = self.root, self.findings.overrides[self.address(item, inner)]
-        try:
-            quantity = evaluate(value, scope.look_up)
-        except ValueProblemError as error:
-            self.errors.append(item.problem(inner, error.message, error.hint, offset=error.offset))
-        except LostNameError:
-            pass
-        else:
-            return quantity if unit is None or self.fits(item, inner, quantity, unit, reason) else None
-        return None
+        is_given = item.place[:1] != ("parameters",) and self.is_given(item, inner)
+        quantity = self._worked_out(item, inner, evaluate, value, is_given=is_given)
+        if quantity is None or unit is None:
+            return quantity
+        return quantity if self.fits(item, inner, quantity, unit, reason) else None
 
     def amounts(
         self, item: Item[SpecT], inner: Place, value: object, variables: Mapping[str, Amount]
     ) -> Amount | None:
         """As `value`, of an expression with variables that may be arrays."""
+        work = partial(compute, variables=variables)
+        return self._worked_out(item, inner, work, value, is_given=self.is_given(item, inner))
+
+    def _worked_out(
+        self,
+        item: Item[SpecT],
+        inner: Place,
+        work: Callable[[object, LookUp], WorkedT],
+        value: object,
+        *,
+        is_given: bool,
+    ) -> WorkedT | None:
+        """Work out a value as written, or the one from outside in its place; None after complaining."""
         scope = self
-        if self.is_given(item, inner):
+        if is_given:
             scope, value = self.root, self.findings.overrides[self.address(item, inner)]
         try:
-            return compute(value, scope.look_up, variables)
+            return work(value, scope.look_up)
         except ValueProblemError as error:
-            self.errors.append(item.problem(inner, error.message, error.hint, offset=error.offset))
+            offset = None if is_given else error.offset  # what comes from outside is no part of the text
+            self.errors.append(item.problem(inner, error.message, error.hint, offset=offset))
         except LostNameError:
             pass
         return None
@@ -324,11 +366,11 @@ class Scope:
                 self.errors.append(item.problem(item.value_place, message))
                 return None
             chain.append(full_name)
-            self._values[name] = self._worked_out(name, item)
+            self._values[name] = self._parameter(name, item)
             chain.pop()
         return self._values[name]
 
-    def _worked_out(self, name: str, item: Item[ParameterSpec]) -> Quantity | None:
+    def _parameter(self, name: str, item: Item[ParameterSpec]) -> Quantity | None:
         """Work out a parameter: as declared, unless an including file, an instance or the caller sets it."""
         quantity = self.value(item, item.value_place, item.spec.value)
         for included in self._included.get(name, ()):
@@ -345,21 +387,11 @@ class Scope:
                 given = given if self.fits(self.entry, place, given, quantity.unit, reason) else None
             quantity = given
         if quantity is not None and self.is_given(item, ()):
-            override = self.findings.overrides[self.address(item, ())]
-            given = self._from_outside(item, override)
+            given = self._worked_out(item, item.value_place, evaluate, None, is_given=True)
             reason = f"the file has {quantity}"
             fits = given is not None and self.fits(item, item.value_place, given, quantity.unit, reason)
             quantity = given if fits else None
         return quantity
-
-    def _from_outside(self, item: Item[ParameterSpec], value: object) -> Quantity | None:
-        try:
-            return evaluate(value, self.root.look_up)
-        except ValueProblemError as error:
-            self.errors.append(item.problem(item.value_place, error.message, error.hint))
-        except LostNameError:
-            pass
-        return None
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:

@@ -7,23 +7,29 @@ from dataclasses import replace
 from typing import Any
 
 from circuitkit.base.source import Place
-from circuitkit.base.units import DIMENSIONLESS, Dimension, Quantity, Unit, parse_unit
+from circuitkit.base.units import DIMENSIONLESS, Quantity, Unit, format_quantity, parse_unit
 from circuitkit.circuit.expressions.expression import Number
 from circuitkit.circuit.expressions.symbolic import constant, derivative, simplify, substitute
 from circuitkit.circuit.expressions.values import Amount
 from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
-from circuitkit.circuit.resolving.checks import rounded_delay
-from circuitkit.circuit.resolving.declared_models import DeclaredModels, check_order, written_parameters
+from circuitkit.circuit.resolving.declarations import Item
+from circuitkit.circuit.resolving.declared_models import (
+    DeclaredModels,
+    check_order,
+    reader,
+    written_parameters,
+)
 from circuitkit.circuit.resolving.header import Header
-from circuitkit.circuit.resolving.items import Item
-from circuitkit.circuit.resolving.neurons import in_unit, shown_unit, start
+from circuitkit.circuit.resolving.nodes import Endpoint, Nodes, in_unit, shown_unit, start
 from circuitkit.circuit.resolving.scope import Scope
-from circuitkit.circuit.resolving.signals import Endpoint, Nodes, Signals, Term
+from circuitkit.circuit.resolving.signals import Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
 
-_SECOND = parse_unit("s")
-SOURCES, TARGETS = ("input", "neuron", "member"), ("neuron", "member")
+_SECOND, _MILLISECOND = parse_unit("s"), parse_unit("ms")
+_FAR_FROM_WHOLE = 0.01  # part of a delay that rounding may change without a warning
+_SOURCES, _TARGETS = ("input", "neuron", "member"), ("neuron", "member")
+_SIDES = {"pre": "source", "post": "target"}
 
 
 class Synapses:
@@ -40,7 +46,7 @@ class Synapses:
         """Add the synapses that a scope declares, as far as they are sound."""
         for item in scope.synapses():
             model = models.synapse(item)
-            source = self._source(scope, item)
+            source = source_end(scope, item, self.nodes, self.signals, _SOURCES, "an input or a neuron")
             has_gate = model is not None and (model.gated or item.spec.gate is not None)
             gate = gate_name(scope, item, model, self.nodes) if model and has_gate else ""
             targets = list(self._targets(scope, item, gate))
@@ -49,21 +55,13 @@ class Synapses:
                 for synapse in wiring.synapses(source, targets):
                     self._keep(synapse)
 
-    def _source(self, scope: Scope, item: Item[SynapseSpec]) -> tuple[Endpoint, Sequence[Term]] | None:
-        """Give the end that an entry names as its source, and what is sent there; None after complaining."""
-        return source_end(scope, item, self.nodes, self.signals, SOURCES, "an input or a neuron")
-
     def _targets(self, scope: Scope, item: Item[SynapseSpec], gate: str) -> Iterator[Endpoint]:
         spec = item.spec
         source = scope.locate(spec.source)
         source_name = source.name if source else spec.source
         for place, target in _target_places(item):
-            located = scope.locate(target)
-            if located is None or located.kind not in TARGETS:
-                if located is not None or not scope.is_lost(target):
-                    names = scope.names("neuron")
-                    message, hint = scope.unknown("target", target, "a neuron", names)
-                    scope.errors.append(item.problem(place, message, hint))
+            located = scope.find(item, place, target, _TARGETS, "target", "a neuron")
+            if located is None:
                 continue
             key = (source_name, located.name, spec.model, gate)
             if key in self.first:
@@ -104,12 +102,8 @@ def source_end(
 
     That is the node itself, unless it is an input of an instance that is fed by others.
     """
-    name = item.spec.source
-    located = scope.locate(name)
-    if located is None or located.kind not in kinds:
-        if located is not None or not scope.is_lost(name):
-            message, hint = scope.unknown("source", name, allowed, scope.names(*kinds))
-            scope.errors.append(item.problem(("from",), message, hint))
+    located = scope.find(item, ("from",), item.spec.source, kinds, "source", allowed)
+    if located is None:
         return None
     if located.kind == "input":
         return signals.input(located)
@@ -139,13 +133,8 @@ def gate_name(scope: Scope, item: Item[Any], model: SynapseModel, nodes: Nodes) 
         )
         scope.errors.append(item.problem(("gate",), message, at_key=True))
         return ""
-    located = scope.locate(gate)
-    if located is None or located.kind not in TARGETS:
-        if located is not None or not scope.is_lost(gate):
-            message, hint = scope.unknown("gate", gate, "a neuron", scope.names("neuron"))
-            scope.errors.append(item.problem(("gate",), message, hint))
-        return ""
-    end = nodes.located(scope, item, ("gate",), located)
+    located = scope.find(item, ("gate",), gate, _TARGETS, "gate", "a neuron")
+    end = nodes.located(scope, item, ("gate",), located) if located else None
     return end.name if end else ""
 
 
@@ -168,7 +157,7 @@ class _Wiring:
         """Yield the synapses; complains about units and signs once."""
         scope, item, model = self.scope, self.item, self.model
         weight = scope.value(item, ("weight",), item.spec.weight)
-        parameters = written_parameters(scope, item, model, self._read)
+        parameters = written_parameters(scope, item, model, reader(scope, item))
         delay = delay_s(scope, item)
         if weight is None or source is None:
             return
@@ -181,7 +170,7 @@ class _Wiring:
             check_parameters(scope, item, model, parameters, weight.unit, end, target)
         warn_of_delay(scope, item, delay, end, targets, self.header)
         kind: SynapseKind = item.spec.kind or end.role or "sensorial"
-        check_weight(scope, item, model, weight, kind, end)
+        _check_weight(scope, item, model, weight, kind, end)
         if len(terms) != 1 or terms[0].factor != 1.0:
             check_linear(scope, item, model, end)
         values: dict[str, Any] = {**model.defaults, **{name: each.value for name, each in parameters.items()}}
@@ -202,10 +191,6 @@ class _Wiring:
                     gate=self.gate,
                     origin=origin,
                 )
-
-    def _read(self, place: Place, value: object) -> Amount | None:
-        quantity = self.scope.value(self.item, place, value)
-        return None if quantity is None else Amount(quantity.value_si, quantity.unit)
 
 
 def delay_s(scope: Scope, item: Item[Any]) -> float:
@@ -233,10 +218,19 @@ def warn_of_delay(
         return
     for target in targets:
         both = all(end.model is not None and end.model.continuous for end in (source, target))
-        changed = rounded_delay(delay_s, header.step_s / header.substeps if both else header.step_s)
+        changed = _rounded_delay(delay_s, header.step_s / header.substeps if both else header.step_s)
         if changed:
             scope.warnings.append(item.problem(("delay",), f"found {item.spec.delay}; {changed}"))
             return
+
+
+def _rounded_delay(delay_s: float, step_s: float) -> str:
+    """Find what a delay is rounded to, in words, if that changes it by more than 1 %; else empty."""
+    rounded = round(delay_s / step_s) * step_s
+    if abs(rounded - delay_s) <= _FAR_FROM_WHOLE * delay_s:
+        return ""
+    becomes, step = format_quantity(rounded, _MILLISECOND), format_quantity(step_s, _MILLISECOND)
+    return f"it becomes {becomes}, a multiple of {step}"
 
 
 def weight_fits(
@@ -254,13 +248,9 @@ def weight_fits(
     reason = f"the activation of {target.name} is {in_unit(target.activation)}"
     reason += f" and {source.name} is {in_unit(source.unit)}"
     if any(model.weight.fixed):
-        reason = f"the weight of {model.name} is {_product_text(model)}, and {reason}"
+        reason = f"the weight of {model.name} is in {model.weight}, and {reason}"
     unit = target.activation if rule == target.activation.dimension else rule.si_unit
     return scope.fits(item, ("weight",), weight, unit, reason)
-
-
-def _product_text(model: SynapseModel) -> str:
-    return f"in {model.weight}"
 
 
 def check_parameters(
@@ -305,20 +295,13 @@ def check_reads(
             return False
         found = states[state_name].unit_rule.dimension(end.activation.dimension)
         if found != wanted:
-            message = f"{needed} in {_symbol(wanted)}, but {what} has it in {_symbol(found)}"
+            message = f"{needed} in {wanted.si_symbol}, but {what} has it in {found.si_symbol}"
             scope.errors.append(item.problem((key,), f"{message}; allowed: the same dimension"))
             return False
     return True
 
 
-_SIDES = {"pre": "source", "post": "target"}
-
-
-def _symbol(dimension: Dimension) -> str:
-    return dimension.si_symbol
-
-
-def check_weight(
+def _check_weight(
     scope: Scope, item: Item[Any], model: SynapseModel, weight: Quantity, kind: SynapseKind, source: Endpoint
 ) -> None:
     """Complain about the sign of a weight, and doubt a weight of zero."""
@@ -354,7 +337,7 @@ def check_sign(
 
 def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: Endpoint) -> None:
     """Complain about a weighted sum of nodes as the source of a model that takes one source as it is."""
-    if not is_linear(model):
+    if not _is_linear(model):
         message = (
             f"found '{source.name}', which is fed by a weighted sum; the model {model.name} needs one source"
         )
@@ -364,7 +347,7 @@ def check_linear(scope: Scope, item: Item[Any], model: SynapseModel, source: End
         scope.errors.append(item.problem(("from",), f"{message}; allowed: {allowed}"))
 
 
-def is_linear(model: SynapseModel) -> bool:
+def _is_linear(model: SynapseModel) -> bool:
     """Check whether a factor on the source may as well stand on the weight."""
     if model.states or model.reads:
         return False

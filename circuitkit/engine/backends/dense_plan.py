@@ -14,9 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
-from circuitkit.engine.operations import Map, Operation, Sum
+from circuitkit.engine.operations import FloatArray, Map, Operation, Sum
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray
 
 LARGEST = 20_000  # numbers in all matrices; above, most of them would be zeros
 _LARGEST_SHIFT = 1e3  # of an activation; that of one with a larger shift could not be worked out from x

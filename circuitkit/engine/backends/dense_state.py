@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from circuitkit.engine.backends.dense_plan import Layout
+from circuitkit.engine.operations import FloatArray
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray
 
 
 class Block:

@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from circuitkit.engine.backends.numpy_dense import DenseKernel, make_dense_kernel
 from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
-from circuitkit.engine.operations import IndexArray
-from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.operations import FloatArray, IndexArray
+from circuitkit.engine.program import Program, State
 
 
 def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:
@@ -29,7 +28,7 @@ def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:
 
 
 class NumpyKernel:
-    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.kernel.Kernel`."""
+    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.Kernel`."""
 
     def __init__(self, program: Program, batch: int) -> None:
         self.batch = batch

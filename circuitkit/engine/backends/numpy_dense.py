@@ -23,9 +23,8 @@ from circuitkit.engine.backends.dense_plan import (
 )
 from circuitkit.engine.backends.dense_state import Activations, Block
 from circuitkit.engine.backends.numpy_operations import Workspace, bind_operation
-from circuitkit.engine.operations import IndexArray
-from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray, State
+from circuitkit.engine.operations import FloatArray, IndexArray
+from circuitkit.engine.program import Program, State
 
 Take = Callable[[FloatArray], object]
 Fail = Callable[[], NoReturn]
@@ -40,7 +39,7 @@ def make_dense_kernel(program: Program, batch: int) -> DenseKernel | None:
 
 
 class DenseKernel:
-    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.kernel.Kernel`.
+    """A program bound to arrays of one batch size; see `circuitkit.engine.backends.Kernel`.
 
     Activations are not kept: they are worked out from x = gain A + constant when somebody asks for them.
     """

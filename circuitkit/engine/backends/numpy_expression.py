@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.special import expit, exprel
 
 from circuitkit.circuit.expressions.expression import COMPARISONS, Binary, Call, Expression, Name, Unary
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray
 
 Operation: TypeAlias = Callable[[], object]
 

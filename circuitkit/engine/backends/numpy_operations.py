@@ -13,8 +13,7 @@ import numpy.typing as npt
 from circuitkit.engine.backends.numpy_expression import bind_expression
 from circuitkit.engine.backends.numpy_sums import bind_sum
 from circuitkit.engine.noise import NormalNumbers
-from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray, Map, Noise, Operation, Recall, Remember, Sum
 
 Call: TypeAlias = Callable[[], object]
 

@@ -14,8 +14,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.engine.operations import Sum
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray, Sum
 
 Call: TypeAlias = Callable[[], object]
 _MAX_PADDING = 256  # zeros with which short sums may be filled up to the length of their neighbours

@@ -1,9 +1,9 @@
 """From a `CircuitGraph` to the operations of a `Program`: rows for everything, then what is done with them.
 
-Read in this order: `order` (who is evaluated when), `cells` (which neurons stand side by side in which rows),
-`sources` (in which row a target finds a source, and how deep memories are), `sums`,
-`synapses`, `neurons` with `methods` (what is done), `circuit` (all of it, in the order of a control step),
-`sweep` (several circuits of one structure).
+Read in this order: `order` (who is evaluated when), `plan` (which neurons stand side by side in which rows),
+`sources` (in which row a target finds a source, and how deep memories are), `arithmetic` (sums and
+expressions), `synapses`, `neurons` with `methods` (what is done), `circuit` (all of it, in the order of a
+control step), `sweep` (several circuits of one structure).
 """
 
 from circuitkit.engine.lowering.circuit import lower

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain
+from collections.abc import Iterator, Sequence
+from itertools import chain, groupby
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from circuitkit.circuit.graph import CircuitGraph, Population, Projection, Synapse
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name
+from circuitkit.circuit.graph import CircuitGraph, OutputNode, Population, Synapse
 from circuitkit.circuit.models import SynapseModel
-from circuitkit.engine.lowering.cells import (
-    Group,
-    Table,
-    make_blocks,
-    make_stages,
-    place_groups,
-    place_states,
-)
-from circuitkit.engine.lowering.maps import copy_rows
-from circuitkit.engine.lowering.names import StateNames
+from circuitkit.engine.lowering.arithmetic import Arrivals, Matrix, Term, copy_rows, list_sum, make_map
 from circuitkit.engine.lowering.neurons import (
     begin_count,
     begin_outputs,
@@ -26,11 +20,14 @@ from circuitkit.engine.lowering.neurons import (
     discrete_step,
     noise,
 )
-from circuitkit.engine.lowering.order import make_order
-from circuitkit.engine.lowering.plan import Plan
-from circuitkit.engine.lowering.readout import read_out
+from circuitkit.engine.lowering.plan import (
+    Group,
+    Plan,
+    StateNames,
+    make_plan,
+    place_states,
+)
 from circuitkit.engine.lowering.sources import Sources, require_delays
-from circuitkit.engine.lowering.sums import Arrivals, Matrix, Term
 from circuitkit.engine.lowering.synapses import (
     Bundle,
     ProjectedSynapses,
@@ -38,7 +35,7 @@ from circuitkit.engine.lowering.synapses import (
     make_bundle,
     only_weighs,
 )
-from circuitkit.engine.operations import IndexArray, Lowered, Operation
+from circuitkit.engine.operations import IndexArray, Lowered, Operation, Sum
 
 
 def lower(graph: CircuitGraph) -> Lowered:
@@ -48,7 +45,7 @@ def lower(graph: CircuitGraph) -> Lowered:
         InputError: Its delays need more memory than the machine has.
     """
     require_delays(graph)
-    plan = _plan(graph)
+    plan = make_plan(graph)
     groups = [*chain(*plan.stages), *plan.continuous]
     readout = plan.table.take(len(graph.outputs))
     names = StateNames()
@@ -65,7 +62,7 @@ def lower(graph: CircuitGraph) -> Lowered:
     after = [
         *(operation for bundle in bundles if not bundle.runs_in_substeps for operation in bundle.progress()),
         *(operation for bundle in bundles for operation in bundle.update()),
-        *read_out(plan, readout),
+        *_read_out(plan, readout),
     ]
     activation_rows, output_rows = _neuron_rows(groups)
     return Lowered(
@@ -85,35 +82,6 @@ def lower(graph: CircuitGraph) -> Lowered:
             if isinstance(block.node, Population)
         },
     )
-
-
-def _plan(graph: CircuitGraph) -> Plan:
-    table = Table()
-    inputs = {node.name: table.take(1) for node in graph.inputs}
-    blocks = make_blocks(graph)
-    discrete = [name for name, block in blocks.items() if not block.node.model.continuous]
-    order = make_order(discrete, _edges(graph, set(discrete)), graph.timing)
-    *stages, continuous = make_stages(blocks, order)
-    place_groups([*chain(*stages), *continuous], table)
-    count = sum(group.count for stage in stages for group in stage)
-    pending = table.take(count) - stages[0][0].activation if order.outputs_first and count else 0
-    return Plan(graph, table, inputs, blocks, stages, continuous, order, pending)
-
-
-def _edges(graph: CircuitGraph, discrete: set[str]) -> Iterator[tuple[str, str]]:
-    """Yield pairs of discrete nodes of which one sees the other without a delay."""
-    synapses: Iterable[Synapse | Projection] = (*graph.synapses, *graph.projections)
-    for synapse in synapses:
-        target = _node(synapse.target, discrete)
-        seen = [synapse.gate] if round(synapse.delay_s / graph.step_s) else [synapse.source, synapse.gate]
-        for name in seen:
-            source = _node(name, discrete)
-            if source in discrete and target in discrete:
-                yield source, target
-
-
-def _node(name: str, nodes: set[str]) -> str:
-    return name if name in nodes else name.rpartition("[")[0]
 
 
 def _bundles(plan: Plan, sources: Sources) -> Iterator[Bundle]:
@@ -209,3 +177,57 @@ def _neuron_rows(groups: Sequence[Group]) -> tuple[IndexArray, IndexArray]:
         activation[columns], output[columns] = group.activation + rows, group.output + rows
     activation.flags.writeable = output.flags.writeable = False
     return activation, output
+
+
+_SUM, _BEFORE, _KEEP, _LOW, _HIGH = (Name(name) for name in ("sum", "before", "keep", "low", "high"))
+
+
+def _read_out(plan: Plan, start: int) -> Iterator[Operation]:
+    """`y' = clip(keep y + r, low, high)` for all outputs, in the rows from `start`."""
+    row = start
+    for is_plain, nodes in groupby(plan.graph.outputs, key=lambda node: _kind(node) == (False, False)):
+        outputs = list(nodes)
+        total = row if is_plain else plan.table.take(len(outputs))
+        yield _weighted(plan, outputs, total)
+        for kind, alike in groupby(outputs, key=_kind):
+            part = list(alike)
+            if any(kind):
+                yield _accumulated(part, kind, total, row)
+            total, row = total + len(part), row + len(part)
+
+
+def _kind(node: OutputNode) -> tuple[bool, bool]:
+    """Check whether it integrates, and whether it has limits."""
+    return node.leak is not None, bool(np.isfinite(node.low) or np.isfinite(node.high))
+
+
+def _weighted(plan: Plan, outputs: list[OutputNode], start: int) -> Sum:
+    sources: list[npt.NDArray[Any]] = []
+    weights: list[npt.NDArray[Any]] = []
+    lengths = []
+    for output in outputs:
+        length = 0
+        for name, weight in output.readout:
+            block, member = plan.find(name)
+            rows = block.output + (np.arange(block.size) if name == block.node.name else np.array([member]))
+            sources.append(rows)
+            weights.append(np.broadcast_to(np.asarray(weight, dtype=np.float64), rows.shape))
+            length += len(rows)
+        lengths.append(length)
+    return list_sum(start, lengths, np.concatenate([[], *sources]), np.concatenate([[], *weights]))
+
+
+def _accumulated(outputs: list[OutputNode], kind: tuple[bool, bool], total: int, row: int) -> Operation:
+    integrates, is_limited = kind
+    value: Expression = _SUM
+    if integrates:
+        value = Binary("+", Binary("*", _KEEP, _BEFORE), value)
+    if is_limited:
+        value = Call("min", (Call("max", (value, _LOW)), _HIGH))
+    constants = {
+        _KEEP.name: np.array([1.0 - (node.leak or 0.0) for node in outputs]),
+        _LOW.name: np.array([node.low for node in outputs]),
+        _HIGH.name: np.array([node.high for node in outputs]),
+    }
+    rows = {_SUM.name: total, _BEFORE.name: row}
+    return make_map(len(outputs), [(row, value)], rows, constants)

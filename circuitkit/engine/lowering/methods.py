@@ -22,10 +22,9 @@ from circuitkit.circuit.expressions.expression import Binary, Call, Expression, 
 from circuitkit.circuit.expressions.symbolic import derivative
 from circuitkit.circuit.models.model import Method
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
-from circuitkit.engine.lowering.cells import Table
-from circuitkit.engine.lowering.maps import make_map
-from circuitkit.engine.operations import IndexArray, Map
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.lowering.arithmetic import make_map
+from circuitkit.engine.lowering.plan import Table
+from circuitkit.engine.operations import FloatArray, IndexArray, Map
 
 _DT = "dt__"
 STAGES = 4  # of rk4

@@ -10,11 +10,9 @@ from circuitkit.circuit.expressions.expression import Binary, Call, Expression, 
 from circuitkit.circuit.graph import Neuron, PerMember, Population
 from circuitkit.circuit.models.model import ACTIVATION, SPIKE, NeuronModel
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
-from circuitkit.engine.lowering.cells import Group
-from circuitkit.engine.lowering.maps import make_map
+from circuitkit.engine.lowering.arithmetic import Arrivals, Moved, make_map
 from circuitkit.engine.lowering.methods import STAGES, RungeKutta, System, advance
-from circuitkit.engine.lowering.plan import Plan
-from circuitkit.engine.lowering.sums import Arrivals, Moved
+from circuitkit.engine.lowering.plan import Group, Plan
 from circuitkit.engine.operations import IndexArray, Noise, Operation
 
 _ZERO, _ONE = Number(0.0), Number(1.0)

@@ -12,9 +12,9 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population, Projection, Synapse
 from circuitkit.circuit.memory import shortage
-from circuitkit.engine.lowering.cells import Block
-from circuitkit.engine.lowering.maps import copy_rows
-from circuitkit.engine.lowering.plan import Plan
+from circuitkit.circuit.names import node_of
+from circuitkit.engine.lowering.arithmetic import copy_rows
+from circuitkit.engine.lowering.plan import Block, Plan, delay_steps
 from circuitkit.engine.operations import Operation, Recall, Remember
 
 _BYTES = 3 * 8  # of a number: in a state, in the one before it, and in what runs it
@@ -27,11 +27,6 @@ class _Delay(NamedTuple):
     steps: int
 
 
-def delay_steps(delay_s: float, step_s: float) -> int:
-    """Return the nearest number of whole steps."""
-    return round(delay_s / step_s)
-
-
 def require_delays(graph: CircuitGraph) -> None:
     """Refuse delays that need more memory than the machine has; the longest one is named.
 
@@ -41,7 +36,7 @@ def require_delays(graph: CircuitGraph) -> None:
     sizes = {neuron.name: 1 for neuron in graph.neurons} | {
         each.name: each.size for each in graph.populations
     }
-    delays = list(_delays(graph, sizes))
+    delays = list(_delays(graph))
     if not delays:
         return
     synapse, _, steps = max(delays, key=lambda delay: delay.steps)
@@ -54,22 +49,17 @@ def require_delays(graph: CircuitGraph) -> None:
         raise InputError(Problem(place.file, place.line, place.column, where, complaint))
 
 
-def _delays(graph: CircuitGraph, sizes: Mapping[str, int]) -> Iterator[_Delay]:
+def _delays(graph: CircuitGraph) -> Iterator[_Delay]:
     """Yield those of at least one step; of a substep where both endpoints are continuous."""
     nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     continuous = {node.name for node in nodes if node.model.continuous}
     synapses: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for synapse in synapses:
         if synapse.delay_s:
-            endpoints = (_node(name, sizes) for name in (synapse.source, synapse.target))
-            in_substeps = continuous.issuperset(endpoints)
+            in_substeps = continuous.issuperset((node_of(synapse.source), node_of(synapse.target)))
             steps = delay_steps(synapse.delay_s, graph.step_s / (graph.substeps if in_substeps else 1))
             if steps:
                 yield _Delay(synapse, in_substeps, steps)
-
-
-def _node(name: str, nodes: Mapping[str, int]) -> str:
-    return name if name in nodes else name.rpartition("[")[0]
 
 
 def _needed(delays: Sequence[_Delay], sizes: Mapping[str, int]) -> float:

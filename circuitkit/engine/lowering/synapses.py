@@ -23,15 +23,11 @@ from circuitkit.circuit.models.model import (
     WEIGHT,
     SynapseModel,
 )
-from circuitkit.engine.lowering.cells import Block
-from circuitkit.engine.lowering.maps import make_map
+from circuitkit.engine.lowering.arithmetic import Matrix, Term, make_map, matrix_sum
 from circuitkit.engine.lowering.methods import System, advance
-from circuitkit.engine.lowering.names import Connections, Listed, Members, Naming, StateNames
-from circuitkit.engine.lowering.plan import Plan
+from circuitkit.engine.lowering.plan import Block, Connections, Listed, Members, Naming, Plan, StateNames
 from circuitkit.engine.lowering.sources import Sources
-from circuitkit.engine.lowering.sums import Matrix, Term, matrix_sum
-from circuitkit.engine.operations import IndexArray, Map, Operation
-from circuitkit.engine.state import FloatArray
+from circuitkit.engine.operations import FloatArray, IndexArray, Map, Operation
 
 Moment = Literal["arrival", "end"]
 _WEIGHTED = Binary("*", Name(WEIGHT), Name(PRE))

@@ -9,10 +9,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem
-from circuitkit.base.source.fields import Ratio, Seconds
+from circuitkit.base.source.fields import AnyQuantity, Ratio, Seconds
 from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
-from circuitkit.robots.spec import AnyQuantity
 from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document
+from circuitkit.base.source.fields import AnyQuantity
 from circuitkit.robots import RobotModel
 from circuitkit.robots.model import hold_joints
-from circuitkit.robots.spec import AnyQuantity
 from circuitkit.simulation.reference import Motion, Reference
 
 

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from circuitkit.circuit.expressions.expression import Binary, Expression, Name, Number
-from circuitkit.engine.backends.c.rows import written_ranges
+from circuitkit.engine.backends.c.pieces import written_ranges
 from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
 
 _MANY_ROWS = 1024  # below, rows stay in the processor's own cache

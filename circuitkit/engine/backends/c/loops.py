@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from circuitkit.engine.backends.c.fusion import Loop, fused
 from circuitkit.engine.backends.c.maps import LoopPrinter
-from circuitkit.engine.backends.c.rows import lasting_rows, print_memories, ranges, written_ranges
+from circuitkit.engine.backends.c.pieces import Arrays, lasting_rows, print_memories, ranges, written_ranges
 from circuitkit.engine.backends.c.spikes import columns, n_sources, sums_of_spikes
 from circuitkit.engine.operations import Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
@@ -27,31 +27,6 @@ _ACTIVE_PARAMETERS = (
     "int64_t n_sources, const int32_t *active, const int64_t *counts, const int64_t *begins, "
     "const int32_t *targets, const real *by_column"
 )
-
-AnyArray = npt.NDArray[np.generic]
-
-
-class Arrays:
-    """The arrays that a program of loops is given, each once."""
-
-    def __init__(self) -> None:
-        self._make: list[Callable[[], AnyArray]] = []
-        self._known: dict[int, int] = {}
-
-    def number(self, array: AnyArray) -> int:
-        """Return the number by which C finds an array."""
-        if id(array) not in self._known:
-            self._known[id(array)] = self.later(lambda: array)
-        return self._known[id(array)]
-
-    def later(self, make: Callable[[], AnyArray]) -> int:
-        """Return the number of an array that is made when a kernel is."""
-        self._make.append(make)
-        return len(self._make) - 1
-
-    def made(self) -> list[AnyArray]:
-        """Return all of them, for a kernel."""
-        return [make() for make in self._make]
 
 
 def print_loops(program: Program, arrays: Arrays, *, alone: bool) -> str:

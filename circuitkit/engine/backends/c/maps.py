@@ -8,8 +8,8 @@ from typing import Any
 import numpy.typing as npt
 
 from circuitkit.engine.backends.c import SIMD_WIDTH
-from circuitkit.engine.backends.c.expression import print_expression
 from circuitkit.engine.backends.c.fusion import Loop
+from circuitkit.engine.backends.c.pieces import print_expression
 from circuitkit.engine.operations import Map
 
 

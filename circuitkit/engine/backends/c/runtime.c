@@ -1,6 +1,7 @@
 /* The bridge between Python and generated programs: kernels that own a context, and steps as functions.
 
-   Compiled once for a Python and a compiler. A kernel is made of addresses of numpy arrays, which `kernel.py` keeps. */
+   Compiled once for a Python and a compiler. A kernel is made of addresses of numpy arrays, which
+   `compiled_backend.py` keeps. */
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>

@@ -12,12 +12,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse
 
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
-from circuitkit.engine.operations import IndexArray, Map, Noise, PointerArray, Recall, Sum
+from circuitkit.engine.operations import FloatArray, IndexArray, Map, Noise, PointerArray, Recall, Sum
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray
 
 # Terms from which a copy of the matrix is worth its memory, and how many of them a source must have on
 # average: finding the active sources costs about as much as a term for each source.
@@ -53,12 +51,14 @@ def columns(operation: Sum) -> Columns:
 
 
 def _columns(operation: Sum) -> Columns:
+    from scipy.sparse import csr_array  # 0.1 s, which only large circuits need
+
     weights, shape = operation.weights, (operation.stop - operation.start, n_sources(operation))
     values = weights if weights.ndim else np.zeros(len(operation.sources), np.int8)
     # Pointers as narrow as the sources, if they can be: otherwise scipy makes wide ones of both.
     is_narrow = len(operation.sources) <= np.iinfo(np.int32).max
     pointers = operation.indptr.astype(np.int32 if is_narrow else np.int64, copy=False)
-    matrix = scipy.sparse.csr_array((values, operation.sources, pointers), shape=shape).tocsc()
+    matrix = csr_array((values, operation.sources, pointers), shape=shape).tocsc()
     targets = matrix.indices.astype(np.int32, copy=False)
     return Columns(matrix.indptr.astype(np.int64), targets, matrix.data if weights.ndim else weights)
 

@@ -12,11 +12,16 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from circuitkit.engine.backends.c import SIMD_WIDTH
-from circuitkit.engine.backends.c.expression import print_expression
-from circuitkit.engine.backends.c.rows import Constants, first_read, lasting_rows, print_memories, written
-from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
+from circuitkit.engine.backends.c.pieces import (
+    Constants,
+    first_read,
+    lasting_rows,
+    print_expression,
+    print_memories,
+    written,
+)
+from circuitkit.engine.operations import FloatArray, Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray
 
 # Vectors of members whose statements alternate: while one waits for a result, the processor does another.
 _ABREAST = 3

@@ -1,17 +1,77 @@
-"""Which rows of the table a program reads, writes and keeps, and which numbers its source refers to."""
+"""What generated C is put together from: expressions, the numbers it refers to, which rows it uses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.engine.operations import Map, Noise, Operation, Recall, Remember, Sum
+from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number, Unary
+from circuitkit.engine.operations import FloatArray, Map, Noise, Operation, Recall, Remember, Sum
 from circuitkit.engine.program import Program
-from circuitkit.engine.state import FloatArray
 
+_INFIX = frozenset("+-*/")
+_COMPARISONS: Mapping[str, str] = {"<": "less", "<=": "less_equal", ">": "greater", ">=": "greater_equal"}
+_LARGEST_WHOLE_POWER = 8
+_ROOT = 0.5
 _PADDING = 8  # as many numbers as are ever loaded at once
+
+AnyArray = npt.NDArray[np.generic]
+
+
+def print_expression(expression: Expression, names: Mapping[str, str], width: int) -> str:
+    """C source of type `v_WIDTH` for an expression.
+
+    Args:
+        expression: The tree.
+        names: C source, of the same type, for every name.
+        width: How many numbers are computed side by side.
+    """
+    return _Printer(names, width).text(expression)
+
+
+class _Printer:
+    """Walks a tree; `simd.h` has every function of the language under its own name."""
+
+    def __init__(self, names: Mapping[str, str], width: int) -> None:
+        self._names = names
+        self._width = width
+
+    def text(self, expression: Expression) -> str:
+        match expression:
+            case Number(value=value):
+                return self._call("all", f"(real){value!r}")
+            case Name(name=name):
+                return self._names[name]
+            case Unary(operator=sign, operand=operand):
+                return f"({sign}{self.text(operand)})" if sign == "-" else self.text(operand)
+            case Binary():
+                return self._binary(expression)
+            case Call(function=function, arguments=arguments):
+                return self._call(function, *map(self.text, arguments))
+        message = f"cannot print {type(expression).__name__}"
+        raise TypeError(message)
+
+    def _binary(self, expression: Binary) -> str:
+        if expression.operator == "**":
+            return self._power(expression.left, expression.right)
+        left, right = self.text(expression.left), self.text(expression.right)
+        if expression.operator in _INFIX:
+            return f"({left} {expression.operator} {right})"
+        return self._call(_COMPARISONS[expression.operator], left, right)
+
+    def _call(self, function: str, *arguments: str) -> str:
+        return f"{function}_{self._width}({', '.join(arguments)})"
+
+    def _power(self, base: Expression, exponent: Expression) -> str:
+        """Return products for small whole powers: a call of `pow` costs as much as twenty."""
+        match exponent:
+            case Number(value=value) if value in range(1, _LARGEST_WHOLE_POWER + 1):
+                return self._call(f"power{int(value)}", self.text(base))
+            case Number(value=value) if value == _ROOT:
+                return self._call("sqrt", self.text(base))
+        return self._call("pow", self.text(base), self.text(exponent))
 
 
 class Constants:
@@ -52,6 +112,29 @@ class Constants:
     def own_rows(self, batch: int) -> FloatArray:
         """Return all rows with a number for each member, shape (n, B)."""
         return np.concatenate([*self._own, np.zeros((0, batch))])
+
+
+class Arrays:
+    """The arrays that a program of loops is given, each once."""
+
+    def __init__(self) -> None:
+        self._make: list[Callable[[], AnyArray]] = []
+        self._known: dict[int, int] = {}
+
+    def number(self, array: AnyArray) -> int:
+        """Return the number by which C finds an array."""
+        if id(array) not in self._known:
+            self._known[id(array)] = self.later(lambda: array)
+        return self._known[id(array)]
+
+    def later(self, make: Callable[[], AnyArray]) -> int:
+        """Return the number of an array that is made when a kernel is."""
+        self._make.append(make)
+        return len(self._make) - 1
+
+    def made(self) -> list[AnyArray]:
+        """Return all of them, for a kernel."""
+        return [make() for make in self._make]
 
 
 def lasting_rows(program: Program) -> npt.NDArray[np.bool_]:
