@@ -11,7 +11,7 @@ from typing import Any
 
 from circuitkit.base.errors import UnknownNameError
 from circuitkit.base.registry import Registry
-from circuitkit.base.source import data_files, data_folders, read_yaml
+from circuitkit.base.source import data_folders, files_by_name, read_yaml
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,12 @@ def file_kinds() -> dict[str, list[str]]:
 def _folders_in(folder: str) -> list[str]:
     """The folders in the folders of a kind, each of which holds files of a kind."""
     inner = (path.name for place in data_folders(folder) for path in place.iterdir() if path.is_dir())
-    return sorted(name for name in set(inner) if data_files(f"{folder}/{name}"))
+    return sorted(name for name in set(inner) if files_by_name(f"{folder}/{name}"))
 
 
 def _files(folders: Iterable[str], kind: str) -> Iterator[Listed]:
     for folder in folders:
-        for paths in data_files(folder, "*/robot.yaml" if folder == "robots" else "*.yaml").values():
+        for paths in files_by_name(folder, "*/robot.yaml" if folder == "robots" else "*.yaml").values():
             for path in paths:
                 name, said = path.parent.name if folder == "robots" else path.stem, _description(path)
                 if path == paths[0]:

@@ -23,7 +23,7 @@ from circuitkit.base.source import (
     Document,
     FileModel,
     Place,
-    data_files,
+    files_by_name,
     read_yaml,
     shipped_file,
     unfilled,
@@ -254,7 +254,7 @@ def robot_class() -> type[Robot]:
 
 def shipped_robots() -> tuple[str, ...]:
     """Names of the robots that come with circuitkit."""
-    return tuple(sorted(inner.partition("/")[0] for inner in data_files(FOLDER, f"*/{FILE_NAME}")))
+    return tuple(sorted(inner.partition("/")[0] for inner in files_by_name(FOLDER, f"*/{FILE_NAME}")))
 
 
 def robot_path(name_or_path: str | Path) -> Path:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 import yaml
 from walking import scenario
 
 from circuitkit.base.errors import InputError, listing
-from circuitkit.base.source import data_files
+from circuitkit.base.source import data_folder
 from circuitkit.simulation import load_scenario, make_plan, parse_push
 from circuitkit.simulation.disturbance import DISTURBANCES
 from circuitkit.simulation.reference import REFERENCES
 
-SHIPPED = Path(data_files.data_folder("sims")) / "nao_push.yaml"
+SHIPPED = data_folder("sims") / "nao_push.yaml"
 TEXT = """\
 scenario: mine
 robot: nao

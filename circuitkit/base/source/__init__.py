@@ -4,9 +4,9 @@ Circuits, robots, scenarios and all others are read through here, so that all gi
 """
 
 from circuitkit.base.source.data_files import (
-    data_files,
     data_folder,
     data_folders,
+    files_by_name,
     find_data_file,
     shipped_file,
     shipped_names,
@@ -44,11 +44,11 @@ __all__ = [
     "Mark",
     "Place",
     "Pointing",
-    "data_files",
     "data_folder",
     "data_folders",
     "describe",
     "dump_yaml",
+    "files_by_name",
     "find_data_file",
     "keys_of",
     "model_problems",

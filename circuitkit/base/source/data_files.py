@@ -65,7 +65,7 @@ def _folders_of(point: EntryPoint) -> Iterator[Path]:
     yield from found
 
 
-def data_files(folder: str, pattern: str = f"*{_SUFFIX}") -> dict[str, tuple[Path, ...]]:
+def files_by_name(folder: str, pattern: str = f"*{_SUFFIX}") -> dict[str, tuple[Path, ...]]:
     """The files of a kind by their path in its folder, sorted; of several, the first has the name.
 
     Args:
@@ -86,7 +86,7 @@ def shipped_names(folder: str) -> tuple[str, ...]:
     Args:
         folder: Such as "circuits" or "sims/studies".
     """
-    return tuple(sorted(name.removesuffix(_SUFFIX) for name in data_files(folder)))
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in files_by_name(folder)))
 
 
 def shipped_file(folder: str, inner: str) -> Path | None:
