@@ -175,8 +175,8 @@ def test_make_has_every_target_that_a_page_names_and_calls_commands_that_exist()
 
 
 def test_every_name_of_the_package_in_a_page_exists():
-    registries = re.findall(r'\bRegistry\(\s*"(\w+)"', "".join(map(Path.read_text, SOURCES)))
-    groups = {f"circuitkit.{registry}" for registry in registries}  # of entry points
+    words = re.findall(r'\b(?:Registry|plugged_in)\(\s*"(\w+)"', "".join(map(Path.read_text, SOURCES)))
+    groups = {f"circuitkit.{word}" for word in words}  # of entry points
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         for name in re.findall(r"`(?:python -m )?(circuitkit(?:\.\w+)+)`", text):
