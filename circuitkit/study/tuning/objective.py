@@ -13,10 +13,10 @@ from pydantic import ConfigDict, Field, model_validator
 
 from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.base.source import FileModel
+from circuitkit.base.source.fields import AnyQuantity
 from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.study.results import Row
 from circuitkit.study.tuning.runs import Condition
-from circuitkit.study.tuning.space import QuantityText
 
 LIMIT = "limit"  # the figure that is no column
 
@@ -50,10 +50,10 @@ class Term(FileModel):
     weight: float = Field(default=1.0, description="Of the figure in its unit.")
     statistic: Literal["mean", "median", "min", "max", "rms"] = "mean"
     unit: str | None = Field(default=None, description="In which the figure counts; SI if absent.")
-    otherwise: QuantityText | None = Field(
+    otherwise: AnyQuantity | None = Field(
         default=None, description="What counts for runs without this figure, as those without a recovery."
     )
-    beyond: QuantityText | None = Field(
+    beyond: AnyQuantity | None = Field(
         default=None, description="Only what is above this counts, so that less is no better."
     )
 

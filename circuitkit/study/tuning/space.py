@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from circuitkit.base.errors import InputError, UnitError
 from circuitkit.base.source import Document, FileModel, describe
+from circuitkit.base.source.fields import AnyQuantity
 from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 if TYPE_CHECKING:
@@ -18,25 +19,10 @@ if TYPE_CHECKING:
 _DIGITS = 6
 
 
-def _quantity_text(value: object) -> object:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        message = f"found {describe(value)}; allowed: a quantity such as '-2 deg'"
-        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
-    parse_quantity(str(value))
-    return str(value)
-
-
-QuantityText = Annotated[
-    str,
-    BeforeValidator(_quantity_text),
-    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
-]
-
-
 def _text(value: object) -> object:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         message = f"found {describe(value)}; allowed: a value such as '-2 deg'"
-        raise ValueError(message)  # noqa: TRY004 - as above
+        raise ValueError(message)  # noqa: TRY004 - pydantic collects ValueError, not TypeError
     return str(value)
 
 
@@ -50,8 +36,8 @@ class Searched(FileModel):
     in it, so that what a result says is what was measured.
     """
 
-    low: QuantityText | None = Field(default=None, alias="from", description="Smallest value, with its unit.")
-    high: QuantityText | None = Field(default=None, alias="to", description="Largest value.")
+    low: AnyQuantity | None = Field(default=None, alias="from", description="Smallest value, with its unit.")
+    high: AnyQuantity | None = Field(default=None, alias="to", description="Largest value.")
     log: bool = Field(default=False, description="Search the logarithm; both ends must have one sign.")
     whole: bool = Field(default=False, description="Only whole numbers.")
     choices: tuple[str | int | float, ...] | None = Field(
