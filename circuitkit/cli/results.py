@@ -58,7 +58,7 @@ def _print_results(results: Sequence[Result]) -> None:
     units: dict[str, Unit | None] = {}
     for result in results:
         units |= result.units
-    shown = [name for name in units if name not in _TOLD and any(row.get(name) is not None for row in rows)]
+    shown = [name for name in units if name not in _TOLD]
     pushed = any(row["push"] is not None for row in rows)
     print_table(
         ", ".join(dict.fromkeys(str(row["scenario"]) for row in rows)),

@@ -25,7 +25,7 @@ from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
 from circuitkit.robots.mjcf import FREE, HINGE, SLIDE, add_servos, compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
-from circuitkit.robots.spec import ChannelSpec, Robot
+from circuitkit.robots.spec import RESERVED, ChannelSpec, Robot
 
 _ALONG = 0.99  # cosine to an axis from which on a joint goes along it or about it
 
@@ -179,6 +179,7 @@ def build_model(
     prepared = _prepared(mj, robot, problems)
     bound = _bind_channels(robot, sensors, problems)
     bound |= _bind_references(references, sensors, problems)
+    problems += _names_with_another_meaning(robot, robot.channels, robot.commands)
     if problems:
         raise InputError(*problems)
     sees = any(sensor.type == mujoco.mjtSensor.mjSENS_RANGEFINDER for sensor in mj.sensors)
@@ -199,9 +200,29 @@ def build_model(
             robot, model, {**brought.channels, **made.channels}, {**brought.commands, **made.commands},
             start, held, {**made.blocks, kind: brought.body}, made.base, made.servo_joints, act,
         )  # fmt: skip
+    if clashes := _names_with_another_meaning(robot, made.channels, made.commands):
+        raise InputError(*clashes)
     for change in changes:
         change(made)
     return made
+
+
+def _names_with_another_meaning(
+    robot: Robot, channels: Iterable[str], commands: Iterable[str]
+) -> list[Problem]:
+    """Complaints about channels and commands that a measure could not tell from something else."""
+    found, there = [], set(channels)
+    for section, names in (("channels", channels), ("commands", commands)):
+        for name in names:
+            if name in RESERVED:
+                message = f"found the name '{name}', which is {RESERVED[name]} in measures"
+            elif section == "commands" and name in there:
+                message = f"found the name '{name}' for a command and for a channel"
+            else:
+                continue
+            kind = section if name in getattr(robot, section) else "channels"
+            found.append(robot.problem((kind, name), f"{message}; allowed: another name", at_key=True))
+    return found
 
 
 def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepared]:  # noqa: ANN401 - MjSpec is not typed

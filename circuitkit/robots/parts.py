@@ -6,12 +6,13 @@ MJCF has, or of one that is added to the compiled model. Adding a sensor changes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, NamedTuple, TypeAlias
 
 import mujoco
+import numpy as np
 
 from circuitkit.base.errors import ExpressionError, listing, suggest
 from circuitkit.base.units import parse_unit
@@ -258,20 +259,25 @@ def _of_joint(joint: Any, sensor: str) -> OpenDimension:  # noqa: ANN401 - as ab
     return _dimension(_OF_HINGE_AND_SLIDE[sensor][0 if joint.type == mujoco.mjtJoint.mjJNT_HINGE else 1])
 
 
-def unit_of_sensor(kind: int, object_type: int, object_id: int, model: mujoco.MjModel) -> str:
-    """The SI unit of a sensor of a compiled model; 1 where MuJoCo knows none.
+def unit_of_sensor(model: mujoco.MjModel, number: int) -> str | None:
+    """The SI unit of a sensor of a compiled model; None where MuJoCo knows none.
 
     Args:
-        kind: Of `mjtSensor`.
-        object_type: Of `mjtObj`, what it is attached to.
-        object_id: Number of that.
         model: The model.
+        number: The sensor's.
     """
-    word = _word(mujoco.mjtSensor(kind))
-    if object_type == int(_OBJECT.mjOBJ_JOINT) and word in _OF_HINGE_AND_SLIDE:
-        hinge = int(model.jnt_type[object_id]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+    word = _word(mujoco.mjtSensor(int(model.sensor_type[number])))
+    of_joint = int(model.sensor_objtype[number]) == int(_OBJECT.mjOBJ_JOINT)
+    if of_joint and word in _OF_HINGE_AND_SLIDE:
+        joint = int(model.sensor_objid[number])
+        hinge = int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
         return _OF_HINGE_AND_SLIDE[word][0 if hinge else 1]
-    return _UNIT_OF_TYPE.get(word, "1")
+    return _UNIT_OF_TYPE.get(word)
+
+
+def sensor_at(model: mujoco.MjModel, column: int) -> int:
+    """Which sensor of a compiled model writes a column of `sensordata`."""
+    return int(np.flatnonzero(model.sensor_adr <= column)[-1])
 
 
 @_reference("sensor(NAME, component)", 1, 2)
@@ -414,20 +420,45 @@ def _distance(sensors: Sensors, arguments: Arguments) -> Meaning:
     return Meaning(_length(*(Binary("-", a, b) for a, b in zip(first, second, strict=True))), _dimension("m"))
 
 
+def _sum(parts: Sequence[Expression]) -> Expression:
+    return reduce(lambda one, more: Binary("+", one, more), parts)
+
+
+def _fixed_to(world: Any) -> Iterator[str]:  # noqa: ANN401 - as above
+    """The world, and the bodies with geoms that are fixed to it: no joint and no mocap body lies between."""
+    yield world.name
+    waiting = list(world.bodies)
+    while waiting:
+        body = waiting.pop(0)
+        if not body.mocap and not len(body.joints):
+            waiting += body.bodies
+            if len(body.geoms):
+                yield body.name
+
+
 @_reference("contact(BODY, OTHER, axis)", 1, 3)
 def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
-    """The net force of all contacts on a body and what it carries, from anything or from one body or geom."""
+    """The net force of all contacts on a body and what it carries, from anything or from one body or geom.
+
+    Another body counts with what it carries as well. The world carries everything; as the other body it is
+    only what is fixed to it: one sensor for each body that nothing moves, and their sum.
+    """
     words = list(arguments)
     axis = words.pop() if len(words) > 1 and words[-1] in AXES else None
     sensors.part(["body"], words[0])
     more: dict[str, Any] = {"reftype": _OBJECT.mjOBJ_XBODY, "refname": words[0]}
-    obj, name = _OBJECT.mjOBJ_UNKNOWN, ""
+    others = [(_OBJECT.mjOBJ_UNKNOWN, "")]
     if len(words) > 1:
-        what, _ = sensors.part(("body", "geom"), words[1])
-        obj, name = (_OBJECT.mjOBJ_GEOM if what == "geom" else _OBJECT.mjOBJ_XBODY), words[1]
+        what, part = sensors.part(("body", "geom"), words[1])
+        others = [(_OBJECT.mjOBJ_GEOM if what == "geom" else _OBJECT.mjOBJ_XBODY, words[1])]
+        if what == "body" and part.parent is None:
+            others = [(_OBJECT.mjOBJ_BODY, name) for name in _fixed_to(part)]
     force = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE)
-    sensor = sensors.add(_SENSOR.mjSENS_CONTACT, obj, name, intprm=(force, _NET_FORCE, 1), **more)
-    columns = [column(sensor, i) for i in range(3)]
+    added = [
+        sensors.add(_SENSOR.mjSENS_CONTACT, obj, name, intprm=(force, _NET_FORCE, 1), **more)
+        for obj, name in others
+    ]
+    columns = [_sum([column(sensor, i) for sensor in added]) for i in range(3)]
     value = _length(columns[0], columns[1], columns[2]) if axis is None else columns[_axis(axis)]
     return Meaning(value, _dimension("N"))
 

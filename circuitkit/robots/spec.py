@@ -34,6 +34,9 @@ from circuitkit.base.units import parse_quantity, parse_unit
 
 FOLDER = "robots"
 FILE_NAME = "robot.yaml"
+TIME, ENDED = "t", "ended"
+# Names that mean something else where channels and commands are named, as in measures.
+RESERVED: Mapping[str, str] = {TIME: "the time", ENDED: "whether until ended the run"}
 
 
 def _unit(text: str) -> str:
@@ -229,11 +232,19 @@ class Robot(FileModel):
         """Where the model file lies."""
         return self.folder / self.mjcf
 
-    def problem(self, place: Place, message: str, hint: str = "", *, offset: int | None = None) -> Problem:
+    def problem(
+        self,
+        place: Place,
+        message: str,
+        hint: str = "",
+        *,
+        offset: int | None = None,
+        at_key: bool = False,
+    ) -> Problem:
         """A complaint about a part of the robot file; about the MJCF if the robot came from no file."""
         if not self._document.path:
             return Problem(str(self.mjcf_path), 1, 1, ".".join(map(str, place)), message, hint)
-        return self._document.problem(place, message, hint, offset=offset)
+        return self._document.problem(place, message, hint, offset=offset, at_key=at_key)
 
     @property
     def given_blocks(self) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.mjcf import HINGE, SLIDE, compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.model import drives_position
 from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
+from circuitkit.robots.spec import RESERVED
 
 _NO_WORD = re.compile(r"\W+")
 _PLAIN = re.compile(r"[A-Za-z_/][\w.\-/]*")
@@ -71,7 +72,7 @@ def _lines(mjcf: Path, path: Path, model: mujoco.MjModel) -> Iterator[str]:
         else "# (the MJCF has no keyframes)"
     )
     yield from _joints(model)
-    taken: set[str] = set()
+    taken = set(RESERVED)
     yield from _channels(model, taken)
     yield from _commands(model, taken)
 
@@ -170,8 +171,7 @@ def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:
 def _sensors(model: mujoco.MjModel, add: Callable[..., None]) -> None:
     for i in range(model.nsensor):
         name, width = model.sensor(i).name, int(model.sensor_dim[i])
-        kind, obj = int(model.sensor_type[i]), int(model.sensor_objtype[i])
-        unit = unit_of_sensor(kind, obj, int(model.sensor_objid[i]), model)
+        unit = unit_of_sensor(model, i) or "1"
         if width == 1:
             add(_word(name), unit, f"sensor({_shown(name)})")
             continue

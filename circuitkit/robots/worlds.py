@@ -51,10 +51,13 @@ def _fitting(step_s: float, count: float) -> float:
 class Worlds:
     """B worlds with a robot each; a controller adds its commands to what a reference holds.
 
+    MuJoCo works out sensors at the beginning of a time step, before it moves. After `advance`, readings are
+    therefore one time step of the model older than positions and velocities; after `begin` they are not.
+
     Attributes:
         robot: What they are.
         batch: B.
-        readings: Sensor readings after the last `advance`, live; shape (B, s).
+        readings: Sensor readings at the beginning of the last time step, live; shape (B, s).
         qpos: Positions after the last `advance`, live; shape (B, nq).
         qvel: Velocities, live; shape (B, nv).
         physics: MuJoCo's batch, for what disturbances change.
@@ -205,7 +208,8 @@ class Worlds:
         """Send what the reference wants at a tick plus the commands, and let one control step pass.
 
         Sensors have no memory here, and nobody reads them between two control steps: they are worked out in
-        the last time step only, which leaves every bit as it is and saves a fifth of the time.
+        the last time step only, which leaves every bit as it is and saves a fifth of the time. They show the
+        state at the beginning of that time step, with the forces that act in it.
 
         Args:
             tick: Row of the targets; or one for each robot, shape (B,).

@@ -19,9 +19,10 @@ from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_
 from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel, describe, unfilled
-from circuitkit.base.units import parse_quantity
+from circuitkit.base.units import Unit, parse_quantity, parse_unit
 from circuitkit.control import Array
-from circuitkit.robots import RobotModel, Worlds
+from circuitkit.robots import Channel, RobotModel, Worlds
+from circuitkit.robots.parts import sensor_at, unit_of_sensor
 from circuitkit.simulation.reference import Moment, Reference
 
 Mask = NDArray[np.bool_]
@@ -342,26 +343,69 @@ class Effects:
         Raises:
             InputError: Nothing has such a name; lists what there is.
         """
-        roles = {
-            n: c
-            for block in self.robot.blocks.values()
-            for n, c in getattr(block, "sensor_roles", {}).items()
-        }
-        if pattern in roles:
-            return list(roles[pattern]), []
-        channels = [each for name, each in self.robot.channels.items() if fnmatchcase(name, pattern)]
+        of_sensor = self._columns_of_sensor(pattern)
+        if of_sensor is not None:
+            return of_sensor, []
+        channels = self._matching(pattern)
         if not channels:
-            model = self.robot.model
-            for i in range(model.nsensor):
-                if model.sensor(i).name == pattern:
-                    first = int(model.sensor_adr[i])
-                    return list(range(first, first + int(model.sensor_dim[i]))), []
             with placed(where):
                 kind = "channel"
-                raise UnknownNameError(kind, pattern, dict.fromkeys([*self.robot.channels, *roles]))
+                raise UnknownNameError(kind, pattern, dict.fromkeys([*self.robot.channels, *self._roles]))
         bare = [each.value.bare for each in channels]
         columns = list(dict.fromkeys(column for column in bare if column is not None))
         return columns, [each.name for each, column in zip(channels, bare, strict=True) if column is None]
+
+    def amount_for(self, pattern: str, text: str, where: str) -> float:
+        """An amount that is added to what a pattern over channels means, in SI units.
+
+        Args:
+            pattern: As for `columns_of`, which knows what it means.
+            text: The amount as written.
+            where: The place in the scenario, for complaints.
+
+        Raises:
+            InputError: Its unit is not that of every channel, or that of the sensor by its type; where MuJoCo
+                knows none of a sensor, any fits.
+        """
+        quantity = parse_quantity(text)
+        for kind, name, unit in self._units_of(pattern):
+            if unit.dimension != quantity.dimension:
+                message = f"found '{text}', and the {kind} '{name}' has '{unit}'; allowed: a unit like it"
+                raise InputError(Problem("", 0, 0, where, message))
+        return quantity.value_si
+
+    def _units_of(self, pattern: str) -> Iterator[tuple[str, str, Unit]]:
+        """What a pattern over channels means: kind, name and unit of each channel or sensor that has one."""
+        of_sensor = self._columns_of_sensor(pattern)
+        if of_sensor is None:
+            yield from (("channel", each.name, each.unit) for each in self._matching(pattern))
+            return
+        model = self.robot.model
+        for number in dict.fromkeys(sensor_at(model, column) for column in of_sensor):
+            if (unit := unit_of_sensor(model, number)) is not None:
+                yield "sensor", pattern, parse_unit(unit)
+
+    def _matching(self, pattern: str) -> list[Channel]:
+        return [each for name, each in self.robot.channels.items() if fnmatchcase(name, pattern)]
+
+    def _columns_of_sensor(self, name: str) -> list[int] | None:
+        """The columns of what a block calls a sensor, or of a sensor that no channel is called like."""
+        if name in self._roles:
+            return list(self._roles[name])
+        model = self.robot.model
+        for i in range(0 if self._matching(name) else model.nsensor):
+            if model.sensor(i).name == name:
+                first = int(model.sensor_adr[i])
+                return list(range(first, first + int(model.sensor_dim[i])))
+        return None
+
+    @property
+    def _roles(self) -> dict[str, Sequence[int]]:
+        return {
+            name: columns
+            for block in self.robot.blocks.values()
+            for name, columns in getattr(block, "sensor_roles", {}).items()
+        }
 
 
 @contextmanager

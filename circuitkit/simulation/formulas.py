@@ -2,6 +2,11 @@
 
 A reduction makes one number of a channel over time: the largest value, how long a condition held. A formula
 is an expression of reductions, channels and time.
+
+What has no value is not a number: a channel outside the window of `after` or `between`, or a reduction to
+which nothing has come yet. A comparison with it is not known either, and is not a number as well; `not`,
+`and` and `or` carry that on, unless the other side settles the matter: `a or b` holds where `b` does. What is
+not known does not hold (`holds_where`), and reductions leave it out.
 """
 
 from __future__ import annotations
@@ -34,9 +39,11 @@ from circuitkit.circuit.expressions.expression import (
     Unary,
 )
 from circuitkit.circuit.expressions.parsing import parse_expression
+from circuitkit.circuit.expressions.symbolic import constant
 from circuitkit.control import Array
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.robots.parts import ARITIES, REFERENCES, StandIn
+from circuitkit.robots.spec import ENDED, TIME
 
 Series: TypeAlias = Callable[[Array, float], Array]
 
@@ -64,22 +71,27 @@ def _same(dimension: OpenDimension | None) -> OpenDimension | None:
 
 
 def _mean_so_far(x: Array, _: float) -> Array:
-    return np.asarray(np.cumsum(np.nan_to_num(x), axis=0) / np.cumsum(~np.isnan(x), axis=0), dtype=np.float64)
+    return np.asarray(np.cumsum(_or_zero(x), axis=0) / np.cumsum(~np.isnan(x), axis=0), dtype=np.float64)
 
 
-def _holds(x: Array) -> NDArray[np.bool_]:
-    """Where a condition holds: what is outside a window, not a number, does not."""
+def _or_zero(x: Array) -> Array:
+    """What is left out as zero, for sums."""
+    return np.where(np.isnan(x), 0.0, x)
+
+
+def holds_where(x: Array) -> NDArray[np.bool_]:
+    """Where a condition holds: what has no value, which is not a number, does not."""
     holds: NDArray[np.bool_] = (x != 0) & ~np.isnan(x)
     return holds
 
 
 def _total_so_far(x: Array, dt: float) -> Array:
-    total: Array = np.asarray(np.cumsum(np.nan_to_num(x), axis=0) * dt, dtype=np.float64)
+    total: Array = np.asarray(np.cumsum(_or_zero(x), axis=0) * dt, dtype=np.float64)
     return total
 
 
 def _held_so_far(x: Array, dt: float) -> Array:
-    held: Array = np.asarray(np.cumsum(_holds(x), axis=0) * dt, dtype=np.float64)
+    held: Array = np.asarray(np.cumsum(holds_where(x), axis=0) * dt, dtype=np.float64)
     return held
 
 
@@ -100,14 +112,14 @@ def _first_so_far(x: Array, _: float) -> Array:
 
 
 def _first_time(x: Array, dt: float) -> Array:
-    seen = np.maximum.accumulate(_holds(x), axis=0)
-    first = np.argmax(_holds(x), axis=0) if len(x) else 0
+    seen = np.maximum.accumulate(holds_where(x), axis=0)
+    first = np.argmax(holds_where(x), axis=0) if len(x) else 0
     time: Array = np.where(seen, (first + 1) * dt, np.nan)
     return time
 
 
 def _begun(x: Array) -> Array:
-    holds = _holds(x).astype(np.float64)
+    holds = holds_where(x).astype(np.float64)
     return np.maximum(np.diff(holds, prepend=0.0, axis=0), 0.0)
 
 
@@ -128,9 +140,29 @@ REDUCTIONS: Mapping[str, Reduction] = {
 CONDITIONAL = frozenset({"duration", "count", "time_of"})
 
 
+def _compared(comparison: np.ufunc, left: Any, right: Any) -> Array:  # noqa: ANN401 - numbers or arrays
+    """A comparison: 1 or 0, and not a number where a side has no value."""
+    unknown = np.isnan(left) | np.isnan(right)
+    return np.where(unknown, np.nan, comparison(left, right))
+
+
+def _chosen(condition: Any, then: Any, otherwise: Any) -> Array:  # noqa: ANN401 - as above
+    """Choose `then` where a condition holds; where it is not known, only what is the same in any case is."""
+    either = np.where(np.equal(then, otherwise), then, np.nan)
+    return np.where(np.isnan(condition), either, np.where(condition, then, otherwise))
+
+
+_COMPARISONS: Mapping[str, np.ufunc] = {
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+}
+
+
 Value: TypeAlias = "float | bool | None"
 
-ENDED, TIME = "ended", "t"
+WINDOWS = ("after", "between")
 _FUNCTIONS: Mapping[str, tuple[int, int]] = {
     **dict.fromkeys(REDUCTIONS, (1, 1)),
     "max": (1, 50),
@@ -206,14 +238,14 @@ class Formula:
         functions: dict[str, Callable[..., Any]] = {
             **NUMPY_FUNCTIONS,
             **{name: partial(_reduced, each, track) for name, each in REDUCTIONS.items()},
+            **{name: partial(_compared, each) for name, each in _COMPARISONS.items()},
+            "where": _chosen,
             "max": partial(_either, "max", track),
             "min": partial(_either, "min", track),
         }
-        # Rounded, so that the tick that ends at 0.41 s is not after it.
-        time = np.round((track.first + np.arange(1, track.ticks + 1)) * track.step_s, DIGITS)
+        time = _times(track.first, track.ticks, track.step_s)
         time = time.reshape(-1, *(1,) * (len(track.shape) - 1))
-        functions["after"] = lambda x, start: np.where(time > start, x, np.nan)
-        functions["between"] = lambda x, start, end: np.where((time > start) & (time <= end), x, np.nan)
+        functions |= dict.fromkeys(WINDOWS, lambda x, *ends: np.where(_within(time, *ends), x, np.nan))
         if firsts is not None:
             functions["first"] = _First(track, firsts)
         values: dict[str, Any] = {name: track.values(name) for name in self.channels}
@@ -221,7 +253,7 @@ class Formula:
         flag[-1:] = track.ended
         values |= {TIME: time, ENDED: flag.reshape(time.shape)}
         with np.errstate(all="ignore"):
-            found = _with_bounds(self.tree, track, values).evaluate(values, functions)
+            found = _spelled_out(self.tree, track, values).evaluate(values, functions)
         return np.broadcast_to(np.asarray(found, dtype=np.float64), track.shape)
 
     def holds(self, track: Callable[[int], Track], begin: int, firsts: list[Array]) -> NDArray[np.bool_]:
@@ -233,8 +265,17 @@ class Formula:
             firsts: What is remembered from one call to the next.
         """
         if self.looks_back:
-            return np.asarray(self.series(track(0))[begin:] != 0)
-        return np.asarray(self.series(track(begin), firsts) != 0)
+            return holds_where(self.series(track(0))[begin:])
+        return holds_where(self.series(track(begin), firsts))
+
+    def window_that_never_comes(self, ticks: int, step_s: float) -> Call | None:
+        """The first window of plain times in which a run has no tick, as nothing is ever known of it."""
+        time = _times(0, ticks, step_s)
+        for each in _windows_in(self.tree):
+            ends = [constant(end) for end in each.arguments[1:]]
+            if None not in ends and not _within(time, *ends).any():
+                return each
+        return None
 
     @cached_property
     def looks_back(self) -> bool:
@@ -242,13 +283,16 @@ class Formula:
         return any(name != "first" for name in _reductions_in(self.tree))
 
     def value(self, track: Track) -> Value:
-        """Its value at the end; None if it has none, such as the time of what never was."""
+        """Its value at the end; None if it has none, such as the time of what never was.
+
+        A condition has none where it compares what has none, such as a window that never came.
+        """
         if track.ticks == 0:
             return None
-        last = float(self.series(track)[-1])
+        last = self.series(track)[-1:]
         if self.is_condition:
-            return bool(last)
-        return last if math.isfinite(last) else None
+            return None if np.isnan(last[0]) else bool(holds_where(last)[0])
+        return float(last[0]) if math.isfinite(last[0]) else None
 
 
 def _reduced(reduction: Reduction, track: Track, x: Any) -> Array:  # noqa: ANN401 - a number or an array
@@ -256,7 +300,10 @@ def _reduced(reduction: Reduction, track: Track, x: Any) -> Array:  # noqa: ANN4
 
 
 class _First:
-    """`first(x)` of a run that comes in parts: remembers the first values, in the order of the calls."""
+    """`first(x)` of a run that comes in parts: remembers the first values, in the order of the calls.
+
+    Who has had no value yet, such as before a window begins, waits for one in the parts to come.
+    """
 
     def __init__(self, track: Track, firsts: list[Array]) -> None:
         self._track, self._firsts, self._calls = track, firsts, 0
@@ -264,9 +311,30 @@ class _First:
     def __call__(self, x: Any) -> Array:  # noqa: ANN401 - a number or an array
         spread = np.broadcast_to(np.asarray(x, dtype=np.float64), self._track.shape)
         if self._calls == len(self._firsts):
-            self._firsts.append(spread[0].copy())
+            self._firsts.append(np.full(self._track.shape[1:], np.nan))
+        before = self._firsts[self._calls]
+        first = np.where(np.isnan(before), _first_so_far(spread, self._track.step_s), before)
+        if len(first):
+            self._firsts[self._calls] = first[-1]
         self._calls += 1
-        return np.broadcast_to(self._firsts[self._calls - 1], self._track.shape)
+        return first
+
+
+def _times(first: int, ticks: int, step_s: float) -> Array:
+    """The ends of ticks from `first` on; rounded, so that the tick that ends at 0.41 s is not after it."""
+    return np.round((first + np.arange(1, ticks + 1)) * step_s, DIGITS)
+
+
+def _within(time: Array, start: Any, end: Any = np.inf) -> NDArray[np.bool_]:  # noqa: ANN401 - numbers or arrays
+    """Which ends of ticks lie in the window of `after` or `between`."""
+    return np.asarray((time > start) & (time <= end))
+
+
+def _windows_in(tree: Expression) -> Iterator[Call]:
+    if isinstance(tree, Call) and tree.function in WINDOWS:
+        yield tree
+    for each in tree.operands():
+        yield from _windows_in(each)
 
 
 def _reductions_in(tree: Expression) -> Iterator[str]:
@@ -288,14 +356,18 @@ def _either(name: str, track: Track, *arguments: Any) -> Any:  # noqa: ANN401 - 
     return NUMPY_FUNCTIONS[name](*arguments)
 
 
-def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expression:
-    """Replace `outside(x, low, high)` by max(max(low - x, x - high), 0).
+def _spelled_out(tree: Expression, track: Track, values: dict[str, Any]) -> Expression:
+    """Replace `outside(x, low, high)` by max(max(low - x, x - high), 0), and comparisons by calls.
 
-    Where it has no bounds they are those of the channel, and are put among the values.
+    Where it has no bounds they are those of the channel, and are put among the values. As calls, comparisons
+    are those of the functions that a tree is evaluated with, which know what has no value.
     """
     match tree:
+        case Binary(operator=joint, left=left, right=right) if joint in COMPARISONS:
+            sides = tuple(_spelled_out(each, track, values) for each in (left, right))
+            return Call(joint, sides, offset=tree.offset)
         case Call(function="outside", arguments=(x, low, high)):
-            x, low, high = (_with_bounds(each, track, values) for each in (x, low, high))
+            x, low, high = (_spelled_out(each, track, values) for each in (x, low, high))
             beyond = Call("max", (Binary("-", low, x), Binary("-", x, high)))
             return Call("max", (beyond, Number(0.0)))
         case Call(function="outside", arguments=(Name(name=name) as x,)):
@@ -304,7 +376,7 @@ def _with_bounds(tree: Expression, track: Track, values: dict[str, Any]) -> Expr
             values |= {f"{name} low": ends[0], f"{name} high": ends[1]}
             beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
             return Call("max", (beyond, Number(0.0)))
-    return _mapped(tree, lambda each: _with_bounds(each, track, values))
+    return _mapped(tree, lambda each: _spelled_out(each, track, values))
 
 
 def _mapped(tree: Expression, change: Callable[[Expression], Expression]) -> Expression:

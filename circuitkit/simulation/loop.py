@@ -58,10 +58,10 @@ class _Rows:
 
     Attributes:
         length: L: all ticks, or as many as there are between two looks. Tick t has row t modulo L.
-        readings: Sensor readings after the tick, shape (L, B, s).
+        readings: Sensor readings after the tick, of the beginning of its last time step; shape (L, B, s).
         qpos: Positions after the tick, shape (L, B, nq).
         observations: What the controller read, shape (L, B, k).
-        commands: What it wrote, shape (L, B, m).
+        commands: What it wrote, as late as delays let it; shape (L, B, m).
         trace: What it tells of itself, shape (L, B, n).
     """
 

@@ -62,6 +62,7 @@ class BoundMeasure:
         return None
 
 
+SURVIVED = "survived"  # the measure that says whether a run was a success
 MEASURES: Registry[MeasureKind] = Registry("measures", MeasureKind)
 
 

@@ -26,7 +26,7 @@ from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation.disturbance import Disturbance, RunSpec, draw_effects
 from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
-from circuitkit.simulation.measures import Judge, located
+from circuitkit.simulation.measures import SURVIVED, Judge, located
 from circuitkit.simulation.reference import Motion, Reference
 from circuitkit.simulation.scenario import Scenario
 
@@ -168,12 +168,24 @@ class Plan:
             name: _formula(self.scenario, ("measures", name), text, units, bounded)
             for name, text in self.scenario.formulas.items()
         }
+        self._require_that_it_comes(formulas[SURVIVED])
         until = self.scenario.until
         ends = None if until is None else _formula(self.scenario, ("until", ""), until, units, bounded)
         if ends is not None and not ends.is_condition:
             message = f"found '{until}'; allowed: a condition, such as height < 0.2 m"
             raise InputError(self.scenario.problem_in("until", "", message, 0))
         return Judge(formulas, kinds, ends, ranges)
+
+    def _require_that_it_comes(self, survived: Formula) -> None:
+        """Refuse to judge by a window in which the run has no tick: nobody would ever be said to survive."""
+        body = self.body
+        if (window := survived.window_that_never_comes(body.ticks, body.step_s)) is not None:
+            message = (
+                f"found '{window}', and the run of {body.ticks * body.step_s:g} s never comes to that; "
+                "allowed: a window within the duration"
+            )
+            problem = self.scenario.problem_in("measures", SURVIVED, message, window.offset)
+            raise InputError(problem)
 
     def setup(self, controller: Controller, specs: Sequence[RunSpec]) -> Setup:
         """A run of several robots under one controller.

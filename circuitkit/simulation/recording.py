@@ -33,6 +33,9 @@ _NO_WORD = re.compile(r"\W+")
 class Recording:
     """T ticks of B robots; row t is the end of tick t.
 
+    Sensors are those of the beginning of the last time step of a tick, since MuJoCo works them out before it
+    moves: readings, and channels, are one time step of the model older than positions in the same row.
+
     Attributes:
         robot: What they are, as simulated.
         motion: What the reference wanted.
@@ -42,10 +45,11 @@ class Recording:
         circuit: The circuit, in use or not; None without one.
         step_s: The control step.
         judge: How they were judged.
-        readings: True sensor readings; shape (T, B, s).
-        qpos: Positions; shape (T, B, nq).
+        readings: True sensor readings, one time step before the end of the tick; shape (T, B, s).
+        qpos: Positions at the end of the tick; shape (T, B, nq).
         observations: What the controller read at the start of the tick, by channel; shape (T, B, k).
-        commands: What it wrote, by command; shape (T, B, m).
+        commands: What reached the robot of what it wrote, by command: after delays, before limits; shape
+            (T, B, m).
         trace: What it recorded of itself; shape (T, B, n).
         observation_names: The k channels.
         command_names: The m commands.
@@ -95,6 +99,8 @@ class Recording:
     def channel(self, name: str) -> Array:
         """A channel without noise, of the robot or of its reference; shape (T, B), SI unit.
 
+        One of the robot is one time step of MuJoCo older than the end of the tick.
+
         Raises:
             UnknownNameError: There is no such channel; lists those there are.
         """
@@ -104,7 +110,10 @@ class Recording:
         return Observer(self.robot.channels, [name])(self.readings)[..., 0]
 
     def command(self, name: str) -> Array:
-        """What the controller wrote; shape (T, B), SI unit.
+        """What the controller wrote, as it reached the robot after delays; shape (T, B), SI unit.
+
+        A command that a disturbance delays by n ticks was written n ticks earlier: `command(name)[n:]`. The
+        first n rows are the first command.
 
         Raises:
             UnknownNameError: It writes no such command; lists those that it writes.

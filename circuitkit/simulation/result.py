@@ -15,6 +15,7 @@ from circuitkit.control import Array
 from circuitkit.simulation.disturbance import BodyForce
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.formulas import Value
+from circuitkit.simulation.measures import SURVIVED
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.scenario import Scenario
 
@@ -41,8 +42,8 @@ class Result:
 
     @property
     def survived(self) -> bool:
-        """Whether the robot got through."""
-        return bool(self.measures["survived"])
+        """Whether the robot got through; not if that is not known, since `survived` has no value."""
+        return bool(self.measures[SURVIVED])
 
     @property
     def units(self) -> Mapping[str, Unit | None]:
@@ -72,15 +73,20 @@ class Result:
             return f"became unstable at {ended:.2f} s"
         if ended is not None:
             lost = words[1] if words else "ended" if self._plain else "failed"
-            return f"{'ended' if self.survived else lost} at {ended:.2f} s"
+            return f"{'ended' if self.survived else lost} at {ended:.2f} s{self._why}"
         if not self._plain:
-            return "passed" if self.survived else "failed"
+            return "passed" if self.survived else f"failed{self._why}"
         return words[0] if words else "ran to the end"
+
+    @property
+    def _why(self) -> str:
+        """Why a run failed that may not have: nothing tells whether it survived."""
+        return ", as survived has no value" if self.measures[SURVIVED] is None else ""
 
     @property
     def _plain(self) -> bool:
         """Whether surviving means no more than not to be ended by `until`."""
-        return self.scenario.formulas["survived"].split() == ["not", "ended"]
+        return self.scenario.formulas[SURVIVED].split() == ["not", "ended"]
 
     def row(self) -> dict[str, Any]:
         """The result for a table or for JSON."""

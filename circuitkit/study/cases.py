@@ -131,11 +131,11 @@ class Outcome:
 
     @property
     def survived(self) -> bool:
-        """Whether the robot got through."""
+        """Whether the robot got through; see `holds`."""
         return self.holds("survived")
 
     def holds(self, measure: str) -> bool:
-        """Whether a measure is true.
+        """Whether a measure is true; not if it has no value, since then nobody knows.
 
         Raises:
             UnknownNameError: There is no such measure; lists those there are.

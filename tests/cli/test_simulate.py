@@ -238,6 +238,19 @@ def test_the_measures_of_a_scenario_stand_in_the_table(circuitkit, tmp_path):
     assert drove[:3] == ["circuit", "0", "passed"]
 
 
+def test_a_measure_without_a_value_is_a_dash_and_null(circuitkit, tmp_path):
+    """Also a yes or no that nobody knows."""
+    path = short(tmp_path, "vehicle_avoids")
+    measures = "measures:\n  late: last(after(speed > 1 m/s, 900 s))\n  fast: time_of(speed > 900 m/s)\n"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.partition("measures:")[0] + measures, encoding="utf-8")
+    lines = [line.split() for line in circuitkit("simulate", str(path)).out.splitlines()]
+    assert next(line for line in lines if "controller" in line)[-2:] == ["late", "fast"]
+    assert next(line for line in lines if "circuit" in line)[-2:] == ["-", "-"]
+    (row,) = json.loads(circuitkit("simulate", str(path), "--json").out)
+    assert row["late"] is row["fast"] is None
+
+
 def test_the_keys_of_a_pushed_walk_are_those_of_the_contract(circuitkit, tmp_path):
     (row,) = json.loads(circuitkit("simulate", str(short(tmp_path, "nao_push")), "--json").out)
     kept = ["survived", "time_of_fall_s", "max_zmp_excursion_m", "recovery_time_s"]

@@ -262,6 +262,60 @@ def test_what_a_body_carries_touches_for_it(beast):
     assert 0 <= found['contact("left-arm", z)'] < 3.6 * 9.81
 
 
+STACK = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 .1"/>
+    <body name="lo" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="3"/></body>
+    <body name="hi" pos="0 0 .3"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/></body>
+    <body name="shelf" pos="3 0 .5">
+      <geom type="box" size=".3 .3 .05"/>
+      <body pos="0 0 .1"><geom type="box" size=".15 .15 .05"/>
+        <body name="tray" pos="0 0 .06"><joint type="slide" axis="1 0 0"/>
+          <geom name="tray" type="box" size=".1 .1 .01" mass="1" pos="0 0 .01" contype="2"/></body></body>
+    </body>
+    <body name="top" pos="3.13 0 .73"><freejoint/><geom type="box" size=".02 .02 .08" mass=".5"/></body>
+    <body name="lift" mocap="true" pos="6 0 1"><geom type="box" size=".3 .3 .05"/></body>
+    <body name="up" pos="6 0 1.15"><freejoint/><geom type="box" size=".1 .1 .1" mass="4"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_the_world_that_touches_is_what_is_fixed_to_it(tmp_path):
+    """Boxes at rest: on the floor, on each other, on what stands on a shelf, and on a mocap body."""
+    weight = {
+        "contact(lo, world, z)": 5, "contact(hi, world, z)": 0, "contact(hi, world)": 0,
+        "contact(hi, lo, z)": 2, "contact(lo, hi, z)": -2, "contact(hi, z)": 2, "contact(lo, z)": 3,
+        "contact(top, world, z)": 0.5, "contact(top, shelf, z)": 0.5, "contact(up, z)": 4,
+        "contact(up, lift, z)": 4, "contact(up, world, z)": 0,
+    }  # fmt: skip
+    for fused in ("false", "true"):
+        mjcf = STACK.replace("<mujoco>", f'<mujoco><compiler fusestatic="{fused}"/>')
+        channels = {f"c{i}": {"unit": "N", "is": text} for i, text in enumerate(weight)}
+        model = small_model(tmp_path, mjcf, channels=channels)
+        data = mujoco.MjData(model.model)
+        mujoco.mj_step(model.model, data, nstep=2000)
+        found = Observer(model.channels, tuple(channels))(data.sensordata)
+        np.testing.assert_allclose(found, np.array(list(weight.values())) * 9.81, atol=0.05)
+
+
+def test_a_part_is_a_body_before_a_site_and_a_site_before_a_geom(tmp_path):
+    """All of one name: the frame of the body stands at 1 m, and the others above it."""
+    mjcf = """<mujoco><worldbody><body name="a" pos="0 0 1"><freejoint/>
+      <site name="a" pos="0 0 .1"/><site name="b" pos="0 0 .1"/>
+      <geom name="a" size=".01" pos="0 0 .2"/><geom name="b" size=".01" pos="0 0 .2"/>
+      <geom name="c" size=".01" pos="0 0 .2"/><camera name="c" pos="0 0 .3"/></body></worldbody>
+      <sensor><framepos name="which" objtype="geom" objname="a"/></sensor></mujoco>"""
+    heights = {"position(a, z)": 1, "position(b, z)": 1.1, "position(c, z)": 1.2, "sensor(which, z)": 1.2}
+    channels = {f"c{i}": {"unit": "m", "is": text} for i, text in enumerate(heights)}
+    model = small_model(tmp_path, mjcf, channels=channels)
+    data = mujoco.MjData(model.model)
+    mujoco.mj_forward(model.model, data)
+    found = Observer(model.channels, tuple(channels))(data.sensordata)
+    np.testing.assert_allclose(found, list(heights.values()))
+
+
 def test_expressions_join_references_as_they_are_written(beast):
     text = (
         "hypot(position(finger, x) - position(block, x), position(finger, y) - position(block, y)) + 2 * "

@@ -89,6 +89,35 @@ def test_a_wrong_file(tmp_path, sections, said):
     assert found.startswith("robot.yaml:")
 
 
+_METRES = {"unit": "m", "is": "joint(slide)"}
+_FORCE = {"unit": "N", "to": {"motor": 1}}
+
+
+@pytest.mark.parametrize(
+    ("sections", "said"),
+    [
+        ({"channels": {"t": _METRES}}, "robot.yaml:4:3: channels.t: found the name 't', which is the time in "
+            "measures; allowed: another name"),
+        ({"channels": {"a": _METRES, "ended": _METRES}}, "robot.yaml:7:3: channels.ended: found the name "
+            "'ended', which is whether until ended the run in measures; allowed: another name"),
+        ({"commands": {"t": _FORCE}}, "robot.yaml:4:3: commands.t: found the name 't', which is the time in "
+            "measures; allowed: another name"),
+        ({"channels": {"force": _METRES}, "commands": {"force": _FORCE}}, "robot.yaml:8:3: commands.force: "
+            "found the name 'force' for a command and for a channel; allowed: another name"),
+    ],
+)  # fmt: skip
+def test_a_name_that_measures_could_not_tell_apart(tmp_path, sections, said):
+    assert complaints(robot_file(tmp_path, CART, **sections)) == said
+
+
+def test_a_started_file_takes_no_name_that_means_something_else(tmp_path):
+    (tmp_path / "m.xml").write_text(CART.replace('"slide"', '"t"').replace('type="t"', 'type="slide"'))
+    write_robot_starter(tmp_path / "m.xml", tmp_path / "robot.yaml")
+    robot = build_model(load_robot(tmp_path / "robot.yaml"))
+    assert "t" not in robot.channels
+    assert robot.channels["t_"].unit.symbol == "m"
+
+
 def test_all_that_is_wrong_is_said_at_once(tmp_path):
     sections = {
         "channels": {"a": {"unit": "m", "is": "joint(slid)"}},

@@ -77,6 +77,26 @@ def test_a_push_gives_its_impulse_over_the_mass_whenever_it_starts_and_ends(
     assert recording.push_n[:, 0].sum() * 0.01 == pytest.approx(force * duration)
 
 
+def test_channels_are_one_time_step_older_than_positions_whatever_the_control_step(tmp_path):
+    """From rest under F = m a: v = a t, and semi-implicit Euler's x = a t (t + dt) / 2.
+
+    Row k ends at (k + 1) steps; the controller reads in its next step what is recorded, and first the start.
+    """
+    rate, mass = 4.0, 2.0
+    for dt, step_s in ((0.001, 0.01), (0.005, 0.005), (0.002, 0.02)):
+        robot = small_robot(tmp_path, PUCK, timestep=f"{dt} s", **PUCK_FILE)
+        push = Push(body="puck", force=rate * mass, direction="forward", duration=9.0, start=0.0)
+        recording = run(robot, Told(["vx"]), [push], duration_s=20 * step_s, step_s=step_s)
+        ends = recording.time_s
+        np.testing.assert_allclose(ends, np.arange(1, 21) * step_s)
+        seen = ends - dt
+        np.testing.assert_allclose(recording.channel("vx")[:, 0], rate * seen, atol=1e-12)
+        np.testing.assert_allclose(recording.channel("x")[:, 0], rate * seen * (seen + dt) / 2, atol=1e-12)
+        np.testing.assert_allclose(recording.qpos[:, 0, 0], rate * ends * (ends + dt) / 2, atol=1e-12)
+        read = recording.observations[:, 0, 0]
+        np.testing.assert_array_equal(read, [0.0, *recording.channel("vx")[:-1, 0]])
+
+
 @pytest.mark.parametrize("at", [(0.1, 0.0, 0.0), (0.0, -0.2, 0.05), (0.05, 0.1, -0.02)])
 @pytest.mark.parametrize("direction", ["forward", "left", "up"])
 def test_a_push_at_a_point_turns_by_r_times_f(puck, at, direction):
@@ -214,6 +234,59 @@ def test_noise_in_a_sensor_of_the_mjcf_that_is_no_channel(cart):
     assert not noise.any()  # the channels read sensors of their own
 
 
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ({"place": "1 mm", "pl*": "2 mm"}, "of 'place', by 'place' and by 'pl*'"),
+        ({"twice": "1 mm", "t*": "2 mm"}, "of 'twice', by 'twice' and by 't*'"),
+        ({"rail": "1 mm", "rail*": "2 mm"}, "of 'rail again', by 'rail' and by 'rail*'"),
+    ],
+)  # fmt: skip
+def test_two_deviations_of_one_reading_are_refused(tmp_path, names, said):
+    """Of a channel that is a sensor, of a computed one, and of a sensor of the MJCF that a channel reads."""
+    again = {"unit": "m", "is": "sensor(rail)"}
+    robot = small_robot(tmp_path, CART, channels={**CART_FILE["channels"], "rail again": again})
+    with pytest.raises(InputError) as caught:
+        run(robot, Told(["place"]), [Noise(std=names)])
+    assert str(caught.value) == (
+        f"disturbances[0].noise.std: found two deviations {said}; allowed: one in each noise; noises of "
+        "their own add up"
+    )
+
+
+def test_noises_of_their_own_add_up(cart):
+    """Independent ones: their variances do."""
+    both = [Noise(channel="place", std="3 mm"), Noise(channel="pl*", std="4 mm")]
+    assert noise_of(cart, *both, channels=("place",)).std() == pytest.approx(0.005, rel=0.05)
+
+
+@pytest.mark.parametrize("channel", ["place", "pl*", "twice", "t*", "rail"])
+def test_noise_and_spikes_have_the_unit_of_every_channel_and_sensor_that_they_change(cart, channel):
+    """Also where nobody reads it; of a sensor that is no channel, by its type."""
+    what = {"pl*": "channel 'place'", "t*": "channel 'twice'", "rail": "sensor 'rail'"}
+    has = f"found '5 N', and the {what.get(channel, f'channel {channel!r}')} has 'm'; allowed: a unit like it"
+    for wrong, key in (
+        (Noise(channel=channel, std="5 N"), "noise.std"),
+        (Fault(channel=channel, reading="spike", value="5 N"), "fault.value"),
+    ):
+        for reader in (Told(["place", "twice"]), Told(force=0.0)):
+            with pytest.raises(InputError) as caught:
+                run(cart, reader, [wrong])
+            assert str(caught.value) == f"disturbances[0].{key}: {has}"
+    run(cart, Told(["place"]), [Noise(channel=channel, std="5 mm")])
+    run(cart, Told(["place"]), [Fault(channel="felt", reading="spike", value="5 m/s^2")])
+
+
+def test_a_pattern_over_channels_of_several_units_takes_none(cart):
+    with pytest.raises(InputError, match=r"found '1 m', and the channel 'speed' has 'm/s'; allowed: a unit"):
+        run(cart, Told(["place"]), [Fault(channel="*p*", reading="spike", value="1 m")])
+
+
+def test_where_mujoco_knows_no_unit_of_a_sensor_any_fits(tmp_path):
+    robot = small_robot(tmp_path, CART.replace("<sensor>", '<sensor><user name="own" dim="1"/>'), **CART_FILE)
+    run(robot, Told(["place"]), [Noise(channel="own", std="5 N")])
+
+
 def test_a_range_clips_what_is_read_and_not_what_is(tmp_path):
     place = {"unit": "m", "is": "joint(slide)", "range": ["-1 mm", "2 mm"]}
     robot = small_robot(tmp_path, CART, channels={**CART_FILE["channels"], "place": place})
@@ -293,6 +366,9 @@ def test_a_delayed_command_arrives_later(cart):
     late = run(cart, Told(force=force), [Delay(command="force", by=0.05)])
     np.testing.assert_array_equal(late.qpos[25:], now.qpos[20:-5])
     assert not late.qpos[:25].any()
+    # What is recorded is what reached the robot; what was written is the same so much earlier.
+    np.testing.assert_array_equal(late.command("force")[5:, 0], force[:-5])
+    np.testing.assert_array_equal(late.columns()["output_force"], late.command("force")[:, 0])
     assert run(cart, Told(force=force), [Delay(channel="*", by=0.05)]).qpos[-1, 0, 0] == now.qpos[-1, 0, 0]
 
 

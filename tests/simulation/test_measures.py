@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from small_robots import CART, CART_FILE, Told, run, small_robot
 
 from circuitkit.base.errors import ExpressionError, InputError
 from circuitkit.base.units import parse_unit
+from circuitkit.simulation import Scenario, simulate
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.formulas import Track, parse_measure
 
@@ -134,6 +137,105 @@ def test_robots_of_a_batch_are_measured_side_by_side():
     np.testing.assert_allclose(both, x.mean(axis=0) + x[0])
 
 
+# --- what has no value --------------------------------------------------------------------------------------
+
+
+def left_out(text, x):
+    """The value of a measure of a run of 0.1 s."""
+    return value(text, x=np.asarray(x, dtype=float))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("last(after(x > 5 m, 5 s))", None), ("after(x > 5 m, 5 s)", None), ("not after(x > 5 m, 5 s)", None),
+        ("between(x > 5 m, 0.01 s, 0.03 s)", None), ("max(after(x, 5 s)) > 1 m", None),
+        ("after(x, 5 s) > 1 m and t > 0 s", None), ("after(x, 5 s) > 1 m and t < 0 s", False),
+        ("t < 0 s and after(x, 5 s) > 1 m", False), ("after(x, 5 s) > 1 m or t > 0 s", True),
+        ("t > 0 s or after(x, 5 s) > 1 m", True), ("after(x, 5 s) > 1 m or t < 0 s", None),
+        ("last(where(after(x, 5 s) > 1 m, 2, 2))", 2), ("last(where(after(x, 5 s) > 1 m, 2, 3))", None),
+        ("duration(not (after(x, 0.08 s) > 5 m))", 0.02), ("duration(after(x, 5 s) > 5 m)", 0),
+        ("count(not (after(x, 0.08 s) > 5 m))", 1), ("time_of(not (after(x, 0.08 s) > 5 m))", 0.09),
+        ("time_of(after(x, 0.08 s) < 5 m)", 0.09), ("mean(after(x, 0.08 s) < 5 m)", 1),
+        ("mean(not after(x < 5 m, 0.08 s))", 0), ("mean(between(x, 0.02 s, 0.06 s) > 1.5 m)", 0.75),
+        ("min(after(x, 0.08 s) < 5 m)", 1), ("last(between(x, 0.02 s, 0.05 s) > 2.5 m)", True),
+    ],
+)  # fmt: skip
+def test_what_is_not_known_is_left_out_and_is_neither_true_nor_false(text, expected):
+    """x is 0, 1, 2, 3 and 4 m, and so once more, at ten ticks of 10 ms."""
+    found = left_out(text, [*range(5), *range(5)])
+    assert found == (expected if expected is None else pytest.approx(expected))
+    assert isinstance(found, bool) == isinstance(expected, bool)
+
+
+def test_the_mean_of_what_was_infinite_is_no_number():
+    assert left_out("mean(1 / x)", [0, 1, 2]) is None
+    assert left_out("total(1 / x)", [0, 1, 2]) is None
+
+
+_TIMES = st.integers(-1, 31).map(lambda tick: f"{tick * DT:.2f} s")
+_LEVELS = st.integers(-3, 3).map(lambda level: f"{level} m")
+_NUMBERS = st.recursive(
+    st.sampled_from(["x", "y"]),
+    lambda inside: st.one_of(
+        st.tuples(inside, inside).map(lambda two: f"({two[0]} - {two[1]})"),
+        st.tuples(st.sampled_from(["max", "min"]), inside, inside).map("{0[0]}({0[1]}, {0[2]})".format),
+        st.tuples(
+            st.sampled_from(["first", "first", "max", "min", "mean", "rms", "last", "abs"]), inside
+        ).map("{0[0]}({0[1]})".format),
+        st.tuples(inside, _TIMES).map("after({0[0]}, {0[1]})".format),
+        st.tuples(inside, _TIMES, _TIMES).map("between({0[0]}, {0[1]}, {0[2]})".format),
+        st.tuples(inside, _LEVELS).map("outside({0[0]}, {0[1]}, 3 m)".format),
+    ),
+    max_leaves=4,
+)
+_CONDITIONS = st.recursive(
+    st.tuples(_NUMBERS, st.sampled_from(["<", "<=", ">", ">="]), _LEVELS).map(" ".join),
+    lambda inside: st.one_of(
+        st.tuples(inside, st.sampled_from(["and", "or"]), inside).map("({0[0]} {0[1]} {0[2]})".format),
+        inside.map("(not ({}))".format),
+        st.tuples(st.sampled_from(["first", "last"]), inside).map("{0[0]}({0[1]})".format),
+        st.tuples(inside, _TIMES).map("after({0[0]}, {0[1]})".format),
+        st.tuples(inside, _TIMES, _TIMES).map("between({0[0]}, {0[1]}, {0[2]})".format),
+        inside.map("duration({}) > 0.03 s".format),
+        inside.map("count({}) >= 2".format),
+    ),
+    max_leaves=3,
+)
+
+
+@settings(max_examples=300)
+@given(
+    text=_CONDITIONS,
+    x=arrays(float, (30, 2), elements=st.integers(-4, 4)),
+    y=arrays(float, (30, 2), elements=st.integers(-4, 4)),
+    cuts=st.sets(st.integers(1, 29)),
+)
+@example(
+    text="abs(x - first(after(x, 0.05 s))) > 1 m", x=np.tile(np.arange(30.0), (2, 1)).T, y=np.zeros((30, 2)),
+    cuts={3, 9},
+)  # fmt: skip
+@example(text="after(x > 1 m, 0.2 s)", x=np.zeros((30, 2)), y=np.zeros((30, 2)), cuts={7})
+def test_a_condition_in_parts_is_that_of_the_whole(text, x, y, cuts):
+    """As the loop asks for it: two robots, some ticks at a time."""
+    formula = parse_measure(text, UNITS)
+
+    def until(end):
+        return lambda begin: track(first=begin, x=x[begin:end], y=y[begin:end])
+
+    parts, firsts = [], []
+    for begin, end in pairwise([0, *sorted(cuts), len(x)]):
+        parts.append(formula.holds(until(end), begin, firsts))
+    whole = formula.holds(until(len(x)), 0, [])
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    series = formula.series(track(x=x, y=y))
+    np.testing.assert_array_equal(whole, (series != 0) & ~np.isnan(series))
+    for robot in (0, 1):  # and what a measure finds afterwards
+        when = parse_measure(f"time_of({text})", UNITS).value(track(x=x[:, robot], y=y[:, robot]))
+        ticks = np.flatnonzero(whole[:, robot])
+        assert when == (pytest.approx((ticks[0] + 1) * DT) if len(ticks) else None)
+
+
 # --- units --------------------------------------------------------------------------------------------------
 
 
@@ -225,6 +327,56 @@ def test_a_run_ends_in_the_tick_in_which_its_condition_first_holds(cart, until):
     assert free.end_tick[0] == -1
     assert free.measures[0]["survived"] is True
     np.testing.assert_array_equal(recording.qpos, free.qpos[: recording.ticks])
+
+
+@pytest.mark.parametrize(
+    ("until", "tick"),
+    [
+        ("after(place > -9 m, 0.8 s)", 80), ("between(place > -9 m, 0.8 s, 0.9 s)", 80),
+        ("not after(place < -9 m, 0.8 s)", 80), ("after(place < -9 m, 0.8 s)", -1),
+        ("after(place > -9 m, 0.8 s) or t > 0.3 s", 30),
+        ("place - first(after(place, 0.3 s)) > 5 cm", None),
+    ],
+)  # fmt: skip
+def test_a_window_ends_a_run_when_it_has_come(cart, until, tick):
+    """The tick that ends at 0.8 s is the 79th from 0, and is not after it."""
+    if tick is None:
+        place = pushed(cart, None).channel("place")[:, 0]
+        tick = int(np.argmax(place - place[30] > 0.05))
+    found = pushed(cart, until, measures={"when": f"time_of({until})"})
+    assert found.end_tick[0] == tick
+    assert found.measures[0]["when"] == (None if tick < 0 else pytest.approx((tick + 1) * DT))
+
+
+def survival(cart, survived, until=None):
+    """A run of 1 s that is judged by a measure of its own."""
+    scenario = Scenario(
+        robot=cart, control_step=DT, duration=1.0, until=until, measures={"survived": survived}
+    )
+    return simulate(scenario)
+
+
+def test_a_run_of_which_nobody_knows_has_not_survived_and_says_so(cart):
+    """It ends before the window comes."""
+    result = survival(cart, "last(after(place < 9 m, 0.5 s))", "t > 0.2 s")
+    assert (result.measures["survived"], result.survived) == (None, False)
+    assert result.outcome == "failed at 0.21 s, as survived has no value"
+    assert result.row()["survived"] is None
+    endless = survival(cart, "max(place / (place - place)) > 0")
+    assert endless.outcome == "failed, as survived has no value"
+    assert survival(cart, "last(after(place < 9 m, 0.5 s))").outcome == "passed"
+
+
+@pytest.mark.parametrize(
+    "window", ["after(place < 9 m, 5 s)", "after(place < 9 m, 1 s)", "between(place < 9 m, 0.5 s, 0.4 s)"]
+)
+def test_survival_by_a_window_that_never_comes_is_refused(cart, window):
+    with pytest.raises(InputError) as caught:
+        survival(cart, f"last({window})")
+    assert str(caught.value) == (
+        f"measures.survived: found '{window}', and the run of 1 s never comes to that; "
+        "allowed: a window within the duration"
+    )
 
 
 def test_measures_stop_where_the_run_ended(cart):

@@ -309,8 +309,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "seed: 0", "  - fault: {channel: LFsrFL, reading: spike, value: 2 m}",
-            "16:53: disturbances[4].fault.value: found '2 m', and the channel has 'N'; allowed: a unit like "
-            "it",
+            "16:53: disturbances[4].fault.value: found '2 m', and the channel 'LFsrFL' has 'N'; allowed: a "
+            "unit like it",
         ),
         (
             "seed: 0", "  - move: {body: Head, position: [0 m, 0 m, 0 m]}",

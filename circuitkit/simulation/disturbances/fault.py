@@ -10,7 +10,6 @@ from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import AnyQuantity, Ratio, Seconds
-from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
 from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
@@ -48,16 +47,19 @@ class Fault(Disturbance):
             message = f"the fault starts at {first * effects.step_s:g} s; allowed: before the end of the run"
             raise InputError(Problem("", 0, 0, f"{where}.start", message))
         columns, names = effects.columns_of(self.channel, f"{where}.channel")
+        spike = 0.0
+        if self.value is not None:
+            spike = effects.amount_for(self.channel, str(self.value), f"{where}.value")
         effects.spans.append(
             (f"{self.channel} {self.reading}", first * effects.step_s, last * effects.step_s)
         )
         if columns:
-            effects.on_clipped.append(Hook(first, last, self._changing(effects, columns, where)))
+            effects.on_clipped.append(Hook(first, last, self._changing(effects, columns, spike)))
         seen = [effects.observed.index(name) for name in names if name in effects.observed]
         if seen:
-            effects.on_channels.append(Hook(first, last, self._changing(effects, seen, where)))
+            effects.on_channels.append(Hook(first, last, self._changing(effects, seen, spike)))
 
-    def _changing(self, effects: Effects, places: list[int], where: str) -> Any:  # noqa: ANN401 - a hook's function
+    def _changing(self, effects: Effects, places: list[int], spike: float) -> Any:  # noqa: ANN401 - a hook's function
         if self.reading in {"missing", "zero"}:
             factor = np.nan if self.reading == "missing" else 0.0
 
@@ -68,10 +70,9 @@ class Fault(Disturbance):
         if self.reading == "stuck":
             return _Stuck(places)
         if self.reading == "spike":
-            amount = self._spike(effects, where)
 
             def add(_: int, values: Array) -> None:
-                values[:, places] += amount
+                values[:, places] += spike
 
             return add
         chance = self.chance or 0.0
@@ -84,14 +85,6 @@ class Fault(Disturbance):
             values[np.ix_(dropped[tick], places)] = np.nan
 
         return drop
-
-    def _spike(self, effects: Effects, where: str) -> float:
-        quantity = parse_quantity(str(self.value))
-        channel = effects.robot.channels.get(self.channel)
-        if channel is not None and channel.unit.dimension != quantity.dimension:
-            message = f"found '{self.value}', and the channel has '{channel.unit}'; allowed: a unit like it"
-            raise InputError(Problem("", 0, 0, f"{where}.value", message))
-        return quantity.value_si
 
 
 class _Stuck:

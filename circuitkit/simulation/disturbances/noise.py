@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from typing import ClassVar
 
 import numpy as np
@@ -12,8 +11,8 @@ from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import AnyQuantity, Seconds
-from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
+from circuitkit.robots.parts import sensor_at
 from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
 
 
@@ -30,7 +29,8 @@ class Noise(Disturbance):
         default=None, description="Name of a channel or sensor, with * for any letters."
     )
     std: AnyQuantity | Mapping[str, AnyQuantity] = Field(
-        description="Standard deviation of each; or several, by names like those of `channel`."
+        description="Standard deviation of each; or several, by names like those of `channel` that share no "
+        "reading."
     )
     drift: Seconds | None = Field(
         default=None, gt=0, description="Time constant; without it the noise is white."
@@ -52,6 +52,7 @@ class Noise(Disturbance):
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:
         """Draw the noise of the whole run, and have it added."""
         amounts = self.std if isinstance(self.std, Mapping) else {str(self.channel): self.std}
+        named: dict[int | str, str] = {}
         columns: list[int] = []
         others: list[str] = []
         deviations: list[float] = []
@@ -59,6 +60,10 @@ class Noise(Disturbance):
         for pattern, text in amounts.items():
             some, names = effects.columns_of(pattern, f"{where}.channel")
             amount = self._amount(effects, pattern, text, where)
+            readings: list[int | str] = [*some, *names]
+            for each in readings:
+                if (other := named.setdefault(each, pattern)) != pattern:
+                    self._complain_of_two(effects, each, (other, pattern), where)
             columns += some
             deviations += [amount] * len(some)
             others += names
@@ -80,18 +85,25 @@ class Noise(Disturbance):
 
     def _amount(self, effects: Effects, pattern: str, text: str, where: str) -> float:
         """A standard deviation in SI units, if its unit is that of what it is added to."""
-        quantity = parse_quantity(text)
-        channels = [each for name, each in effects.robot.channels.items() if fnmatchcase(name, pattern)]
-        for channel in channels:
-            if channel.unit.dimension != quantity.dimension:
-                message = (
-                    f"found '{text}', and the channel '{channel.name}' has '{channel.unit}'; allowed: a unit "
-                    "like it"
-                )
-                raise InputError(Problem("", 0, 0, f"{where}.std", message))
-        if quantity.value_si < 0:
+        amount = effects.amount_for(pattern, text, f"{where}.std")
+        if amount < 0:
             raise InputError(Problem("", 0, 0, f"{where}.std", f"found '{text}'; allowed: 0 or more"))
-        return quantity.value_si
+        return amount
+
+    def _complain_of_two(
+        self, effects: Effects, what: int | str, patterns: tuple[str, str], where: str
+    ) -> None:
+        """Refuse two deviations of one reading: neither would be its own."""
+        channels, model = effects.robot.channels, effects.robot.model
+        name = next((each for each, channel in channels.items() if what in {each, channel.value.bare}), None)
+        shown = (
+            f"the sensor '{model.sensor(sensor_at(model, int(what))).name}'" if name is None else f"'{name}'"
+        )
+        message = (
+            f"found two deviations of {shown}, by '{patterns[0]}' and by '{patterns[1]}'; allowed: one in "
+            "each noise; noises of their own add up"
+        )
+        raise InputError(Problem("", 0, 0, f"{where}.std", message))
 
     def _coloured(self, white: Array, step_s: float) -> Array:
         """White noise of standard deviation 1, or the drift made of it; shape (T, k)."""
