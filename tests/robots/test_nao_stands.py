@@ -35,3 +35,14 @@ def test_unpushed_it_stands_still_with_the_zmp_between_the_feet():
     assert np.abs(pressure[:, 1]).max() < 0.002
     np.testing.assert_allclose(pressure[:, 0].mean(), 0.0257, atol=0.001)
     assert np.abs(result.recording.channel("gyro_x")[400:]).max() < 0.02
+
+
+@pytest.mark.parametrize("controller", ["circuit", "dcm_ankle", "mpc_full"])
+def test_after_a_push_it_comes_to_rest_and_stays_at_rest_to_the_end(controller):
+    """The last second is as quiet as the one before; a body that falls turns by 45 deg/s and more."""
+    result = simulate(
+        "nao_stands", controller=controller, circuit="binn_lateral_capture_tuned", push="10N,200ms,left"
+    )
+    turning = np.degrees(result.recording.channel("gyro_x")[:, 0])
+    assert np.abs(turning[700:]).max() < np.abs(turning[600:700]).max() + 0.1
+    assert np.abs(turning[700:]).max() < 1.0
