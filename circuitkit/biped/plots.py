@@ -19,12 +19,14 @@ from circuitkit.draw.style import (
     INHIBITORY,
     INK,
     NORMAL,
-    PAPER,
     SMALL,
     house_style,
     new_figure,
+    plain_legend,
     tidy,
+    widened,
 )
+from circuitkit.simulation.formulas import Formula
 from circuitkit.simulation.result import PushSpan, Result, RunSummary, summarise
 
 if TYPE_CHECKING:
@@ -37,7 +39,9 @@ PUSHED = "#c8201a"  # from the push on, as in the paper
 CYCLE_GREY = "#a6a6a6"
 BAND, PUSH_FILL, WINDOW_FILL = "#dcdcdc", "#f6c945", "#eef3f8"
 _WIDTH_IN = 7.2
-_FALL_DEG, _LYING_DEG = 45.0, 90.0
+_MOST_IN_A_ROW = 4  # entries of a legend
+_LYING_DEG = 90.0
+_LEAST_FRAME = 1.0  # of the centre of mass, [mm] and [mm/s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +53,14 @@ class BipedSummary:
         zmp_mm: ZMP_y by the force cells, not a number where no foot carries; shape (T,).
         pressure_mm: True centre of pressure, y; shape (T,).
         band_mm: Right and left edge of the support polygon by the measured load; shape (T, 2).
-        lines_mm: Right and left threshold of the circuit; shape (T, 2); not numbers without any.
+        lines_mm: Right and left threshold of a circuit; shape (T, 2); not numbers without any.
+        lines_of: The circuit whose they are, which need not be the controller's; empty without any.
         edges_mm: Edges of the soles for feet side by side; shape (3, 2).
         com_mm: y of the centre of mass; shape (T,).
         com_velocity_mm_s: Its velocity; shape (T,).
         com_height_m: Its mean height.
         tilt_deg: How far the torso leans from the vertical; shape (T,).
+        fall_deg: From which lean on the scenario's `until` ends a run; None if it asks for another thing.
     """
 
     run: RunSummary
@@ -62,11 +68,13 @@ class BipedSummary:
     pressure_mm: Array
     band_mm: Array
     lines_mm: Array
+    lines_of: str
     edges_mm: Array
     com_mm: Array
     com_velocity_mm_s: Array
     com_height_m: float
     tilt_deg: Array
+    fall_deg: float | None
 
     @property
     def fall_s(self) -> float | None:
@@ -92,12 +100,20 @@ def summarise_biped(result: Result, run: RunSummary, robot: int = 0) -> BipedSum
         pressure_mm=view.centre_of_pressure_m[:, robot, 1] * MM,
         band_mm=edges[support],
         lines_mm=lines[support] * MM,
+        lines_of="" if measure is None else measure.circuit,
         edges_mm=edges,
         com_mm=com[:, 1] * MM,
         com_velocity_mm_s=view.com_velocity[:, robot, 1] * MM,
         com_height_m=float(com[: max(len(support) // 4, 1), 2].mean()),
         tilt_deg=np.degrees(np.arccos(np.clip(upward, -1.0, 1.0))),
+        fall_deg=_fall_deg(recording.judge.until),
     )
+
+
+def _fall_deg(until: Formula | None) -> float | None:
+    """The lean from which on a condition holds, acos of the bound below which `upright` is; None if none."""
+    bound = None if until is None else until.true_below("upright")
+    return None if bound is None or not -1.0 <= bound <= 1.0 else float(np.degrees(np.arccos(bound)))
 
 
 def biped_figures(result: Result, summary: RunSummary) -> dict[str, Figure]:
@@ -158,10 +174,11 @@ def _zmp_axes(axes: Axes, story: BipedSummary, window: tuple[float, float]) -> N
 
 
 def _zmp_details(axes: Axes, story: BipedSummary) -> None:
-    """The circuit's thresholds and the true centre of pressure."""
+    """A circuit's thresholds and the true centre of pressure."""
     seen = story.run.before_end()
     changed = np.any(np.diff(story.lines_mm, axis=0, prepend=story.lines_mm[:1]) != 0, axis=1)
-    for side, label in enumerate(("threshold of the circuit", None)):
+    labels = (f"threshold of {story.lines_of}", None) if story.lines_of else ()
+    for side, label in enumerate(labels):
         axes.plot(
             story.run.time_s, np.where(seen & ~changed, story.lines_mm[:, side], np.nan),
             drawstyle="steps-pre",
@@ -190,7 +207,9 @@ def _mark_events(axes: Axes, story: BipedSummary, window: tuple[float, float]) -
             zorder=0.5, label="push" if number == 0 else None, gid=f"push_{number}",
         )  # fmt: skip
     if story.fall_s is not None and story.fall_s <= window[1]:
-        axes.axvline(story.fall_s, color=PUSHED, linewidth=1.4, linestyle=":", label="fall", gid="fall")
+        axes.axvline(
+            story.fall_s, color=PUSHED, linewidth=1.4, linestyle=":", label=story.run.ending, gid="fall"
+        )
 
 
 def _mark_missing(axes: Axes, story: BipedSummary) -> None:
@@ -257,7 +276,7 @@ def _mark_moments(axes: Axes, story: BipedSummary) -> None:
     push = story.run.pushes[0]
     moments = [(push.start_s, "o", "push begins"), (push.end_s, "s", "push ends")]
     if story.fall_s is not None:
-        moments.append((story.fall_s, "X", "fall"))
+        moments.append((story.fall_s, "X", story.run.ending))
     for time, marker, label in moments:
         if time <= story.run.end_s:
             y, v = (
@@ -286,8 +305,8 @@ def _arrows(axes: Axes, x: Array, y: Array, colour: str) -> None:
 def _frame(axes: Axes, x: Array, y: Array) -> None:
     """Limits around the curve with a margin."""
     for values, setter in ((x, axes.set_xlim), (y, axes.set_ylim)):
-        low, high = float(values.min()), float(values.max())
-        margin = 0.08 * (high - low) or 1.0
+        low, high = widened(float(values.min()), float(values.max()), _LEAST_FRAME)
+        margin = 0.08 * (high - low)
         setter(low - margin, high + margin)
 
 
@@ -345,14 +364,12 @@ def _tilt_axes(axes: Axes, stories: Sequence[BipedSummary], window: tuple[float,
             story.run.time_s, story.tilt_deg, linestyle=dash, color=colour, linewidth=1.4,
             label=story.run.title, gid=f"tilt_{number}",
         )  # fmt: skip
-    axes.axhline(_FALL_DEG, color=PUSHED, linewidth=0.9, linestyle=":")
-    axes.annotate(
-        "counts as a fall", (1, _FALL_DEG), xycoords=("axes fraction", "data"), xytext=(-2, -2),
-        textcoords="offset points", ha="right", va="top", fontsize=SMALL, color=PUSHED,
-        bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.5},
-    )  # fmt: skip
+    if (bound := stories[0].fall_deg) is not None:
+        axes.axhline(
+            bound, color=PUSHED, linewidth=0.9, linestyle=":", label="counts as a fall", gid="fall_bound"
+        )
     for push in stories[0].run.pushes:
         axes.axvspan(push.start_s, push.end_s, facecolor=PUSH_FILL, edgecolor=GREY, linewidth=0.5, alpha=0.55)
     axes.set(xlabel="time [s]", ylabel="lean of the torso [deg]", xlim=window)
     axes.set_ylim(0, _LYING_DEG)
-    axes.legend(loc="upper left", frameon=True, framealpha=0.9, edgecolor="none")
+    plain_legend(axes, "lower right", (1.0, 1.0), ncols=min(len(stories) + 1, _MOST_IN_A_ROW))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
@@ -12,7 +12,7 @@ from pydantic import Field
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document, FileModel, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
-from circuitkit.biped.control.reference import Body, walk_reference
+from circuitkit.biped.control.reference import Body, WalkReference, stand_reference, walk_reference
 from circuitkit.biped.dynamics import BodyDynamics, as_walked, generalised_positions, legs_of, servo_targets
 from circuitkit.biped.gait import LEFT, PHASES, SIDES, GaitSpec, Walk, load_gait, plan_walk
 from circuitkit.biped.gait.pattern import plan_stand
@@ -102,7 +102,7 @@ class GaitReference(Reference):
             dynamics.zmp,
             lambda walk: _torques_and_targets(dynamics, body, walk),
         )
-        return _motion(robot, body, walk, torques_and_targets)
+        return _motion(robot, body, walk, torques_and_targets, walk_reference)
 
 
 class StandSpec(FileModel):
@@ -153,7 +153,7 @@ class StandReference(Reference):
             dynamics.zmp,
             lambda walk: _torques_and_targets(dynamics, body, walk),
         )
-        return _motion(robot, body, walk, found)
+        return _motion(robot, body, walk, found, stand_reference)
 
 
 def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) -> Array:
@@ -163,11 +163,14 @@ def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) ->
     return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
 
 
-def _motion(robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array) -> Motion:
+def _motion(
+    robot: RobotModel, body: BipedBody, planned: Walk, torques_and_targets: Array,
+    known_of: Callable[[Walk, Body], WalkReference],
+) -> Motion:  # fmt: skip
     """What a walk asks of the robot, and what controllers may know of it."""
     torques, targets = np.hsplit(torques_and_targets, 2)
     walk = as_walked(body, planned, targets)
-    knowledge = walk_reference(walk, _known_body(robot, body))
+    knowledge = known_of(walk, _known_body(robot, body))
     return Motion(
         targets=servo_targets(body, targets, torques),
         start_qpos=generalised_positions(body, planned.rows(slice(0, 1)))[0],

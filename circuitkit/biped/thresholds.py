@@ -66,15 +66,16 @@ class Thresholds(MeasureKind):
             raise InputError(
                 Problem("", 0, 0, "measures.thresholds.channel", message, suggest(self.channel, channels))
             )
-        return ThresholdMeasure(self.channel, self._lines(graphs))
+        return ThresholdMeasure(self.channel, *self._lines(graphs))
 
-    def _lines(self, graphs: tuple[CircuitGraph, ...]) -> Array:
+    def _lines(self, graphs: tuple[CircuitGraph, ...]) -> tuple[Array, str]:
+        """The lines of the first circuit that has some, and its name."""
         for graph in graphs[:-1]:
             try:
-                return threshold_lines(graph, self)
+                return threshold_lines(graph, self), graph.name
             except InputError:
                 continue
-        return threshold_lines(graphs[-1], self)
+        return threshold_lines(graphs[-1], self), graphs[-1].name
 
 
 def threshold_lines(circuit: CircuitGraph, thresholds: Thresholds) -> Array:
@@ -112,13 +113,14 @@ class ThresholdMeasure(BoundMeasure):
 
     Attributes:
         lines_m: Shape (3, 2): left foot, right foot, both; right edge, left edge.
+        circuit: Name of the circuit whose thresholds they are.
     """
 
     units: Mapping[str, Unit] = {EXCURSION: parse_unit("m"), RECOVERY: parse_unit("s")}
 
-    def __init__(self, channel: str, lines_m: Array) -> None:
-        """Name the channel and its lines."""
-        self.channel = channel
+    def __init__(self, channel: str, lines_m: Array, circuit: str = "the circuit") -> None:
+        """Name the channel, its lines and whose they are."""
+        self.channel, self.circuit = channel, circuit
         self.lines_m = lines_m
         self.channels = (channel, "load_left", "load_right")
 

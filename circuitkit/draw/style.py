@@ -35,6 +35,9 @@ CYCLE = (EXCITATORY, INHIBITORY, "#e6a100", "#3a7d44", GATE, "#555555")  # for c
 DASHES = ("-", "--", "-.", ":")
 _DPI = 200
 _MAX_PIXELS = 12000
+_LEAST_SHARE = 0.01  # of the size of the values: what axes span at least
+_NOTHING = 1e-9  # of the span of axes: rounding, not a number at a tick
+_TICK_DIGITS = 6
 PICTURES = (".png", ".svg", ".pdf")
 
 _RC: Any = {  # matplotlib has a type for these keys, of several pages
@@ -47,6 +50,7 @@ _RC: Any = {  # matplotlib has a type for these keys, of several pages
     "legend.fontsize": SMALL,
     "mathtext.fontset": "dejavusans",
     "axes.unicode_minus": True,
+    "axes.formatter.useoffset": False,  # nobody adds a number at the corner to those at the ticks
     "svg.hashsalt": "circuitkit",  # the same picture is the same file
     "pdf.fonttype": 42,
 }
@@ -103,6 +107,25 @@ def tidy(axes: Axes, *, grid: bool = True) -> None:
     axes.set_axisbelow(True)
     if grid:
         axes.grid(color=PALE, linewidth=0.5)
+
+
+def widened(low: float, high: float, least: float = 0.0) -> tuple[float, float]:
+    """Return limits of axes that span at least a hundredth of their size, or so much.
+
+    What hardly changes is then seen to hardly change.
+    """
+    lacking = max(least, _LEAST_SHARE * max(abs(low), abs(high))) - (high - low)
+    return (low - lacking / 2, high + lacking / 2) if lacking > 0 else (low, high)
+
+
+def plain_ticks(axes: Axes) -> None:
+    """Write numbers at the vertical axis in full: no offset and no factor stand at its end."""
+
+    def text(value: float, _: float) -> str:
+        low, high = axes.get_ylim()
+        return number(0.0 if abs(value) < _NOTHING * (high - low) else value, _TICK_DIGITS)
+
+    axes.yaxis.set_major_formatter(text)
 
 
 def number(value: float, digits: int = 4) -> str:

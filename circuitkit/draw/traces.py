@@ -14,6 +14,7 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.draw.style import (
     CYCLE,
     DASHES,
+    FONT,
     GREY,
     INK,
     KIND_COLOUR,
@@ -25,7 +26,9 @@ from circuitkit.draw.style import (
     new_figure,
     number,
     plain_legend,
+    plain_ticks,
     tidy,
+    widened,
     write_picture,
 )
 
@@ -36,6 +39,10 @@ if TYPE_CHECKING:
 _WIDTH = 7.2  # [in]
 _LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN = 0.95, 0.2, 0.1, 0.5, 0.22  # [in]
 _WORDS = 0.18  # a line of words above the first panel, [in]
+_APART = 0.08  # between words of a line, [in]
+# What befell is coloured, what came after the end is hatched: they stay apart in grey.
+_MARKED: Mapping[str, Any] = {"color": "#e6a100", "alpha": 0.25, "linewidth": 0}
+_OVER: Mapping[str, Any] = {"facecolor": "#eeeeee", "edgecolor": "#a6a6a6", "hatch": "////", "linewidth": 0}
 _ROW_HEIGHT = 0.17  # of a neuron, [in]
 _MOST_COLUMNS = 4000  # of the raster; more are not seen
 
@@ -85,12 +92,14 @@ class Panel:
         lines: The curves.
         bands: The areas behind them.
         height: [in].
+        least_span: What the axis spans at least, in its unit; it also spans a hundredth of its values' size.
     """
 
     label: str
     lines: Sequence[Line] = ()
     bands: Sequence[Band] = ()
     height: float = 1.6
+    least_span: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +121,19 @@ class Activity:
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of time that is marked in every panel, such as a fault, [s]."""
+    """A stretch of time that is marked in every panel, such as a fault, [s].
+
+    Attributes:
+        start_s: From when.
+        stop_s: To when.
+        text: Stands above the first panel.
+        over: Whether it is what came after the end, which is hatched and not coloured.
+    """
 
     start_s: float
     stop_s: float
     text: str = ""
+    over: bool = False
 
 
 def draw_traces(
@@ -154,7 +171,8 @@ def traces_figure(
     """As `draw_traces`, but the figure itself."""
     time = np.asarray(time_s, dtype=np.float64)
     # Above the first panel, from the top: the title, the panel's legend, and what the spans say.
-    told = any(span.text for span in spans)
+    words = _placed_words(spans, time)
+    told = 1 + max((row for _, _, row in words), default=-1)
     named = activity is not None if not panels else any(line.name for line in panels[0].lines)
     above = _TOP + _WORDS * (bool(title) + told + (named or not told))
     heights = [panel.height for panel in panels]
@@ -171,10 +189,10 @@ def traces_figure(
             axes = axes_at(figure, _LEFT, top, _WIDTH - _LEFT - _RIGHT, height, sharex=shared)
             shared = shared or axes
             if i < len(panels):
-                paint_panel(axes, time, panels[i], _WORDS if i == 0 and told else 0.0)
+                paint_panel(axes, time, panels[i], 0.0 if i else told * _WORDS)
             elif activity is not None:
-                paint_activity(axes, time, activity, _WORDS if i == 0 and told else 0.0)
-            _paint_spans(axes, spans, words=i == 0)
+                paint_activity(axes, time, activity, 0.0 if i else told * _WORDS)
+            _paint_spans(axes, spans, () if i else words)
             axes.tick_params(labelbottom=i == len(heights) - 1)
             top += height + _BETWEEN
         if shared is not None and len(time):
@@ -210,6 +228,8 @@ def paint_panel(axes: Axes, time_s: npt.NDArray[np.float64], panel: Panel, lift_
             label=line.name or None,
         )
     axes.set_ylabel(panel.label)
+    axes.set_ylim(*widened(*axes.get_ylim(), panel.least_span))
+    plain_ticks(axes)
     tidy(axes)
     entries = axes.get_legend_handles_labels()[1]
     if entries:
@@ -270,20 +290,53 @@ def _columns(
     return np.append(edges[starts], edges[-1]), np.maximum.reduceat(outputs, starts, axis=0)
 
 
-def _paint_spans(axes: Axes, spans: Sequence[Span], *, words: bool) -> None:
+def _placed_words(spans: Sequence[Span], time_s: npt.NDArray[np.float64]) -> list[tuple[str, float, int]]:
+    """What spans say, where it begins as a share of the axes' width, and in which row above them.
+
+    Words begin where their span does, or so much earlier that they do not leave the axes; where they would
+    touch others they stand in the next row.
+    """
+    if len(time_s) == 0 or time_s[-1] <= time_s[0]:
+        return []
+    inches = _WIDTH - _LEFT - _RIGHT
+    rows: list[float] = []  # where the last words of each row end, [in]
+    placed = []
+    for span in sorted(spans, key=lambda span: span.start_s):
+        if not span.text or span.start_s > time_s[-1] or span.stop_s < time_s[0]:
+            continue
+        wide = _wide_in(span.text)
+        begin = (span.start_s - time_s[0]) / (time_s[-1] - time_s[0]) * inches
+        begin = max(0.0, min(begin, inches - wide))
+        row = next((i for i, end in enumerate(rows) if end + _APART <= begin), len(rows))
+        rows[row : row + 1] = [begin + wide]
+        placed.append((span.text, begin / inches, row))
+    return placed
+
+
+def _wide_in(text: str) -> float:
+    """How wide words are, [in]."""
+    from matplotlib.font_manager import FontProperties  # brings matplotlib
+    from matplotlib.textpath import TextToPath  # brings matplotlib
+
+    font = FontProperties(family=FONT, size=SMALL)
+    return float(TextToPath().get_text_width_height_descent(text, font, ismath=False)[0]) / POINTS_PER_INCH
+
+
+def _paint_spans(axes: Axes, spans: Sequence[Span], words: Sequence[tuple[str, float, int]]) -> None:
     for span in spans:
-        axes.axvspan(span.start_s, span.stop_s, color="#e6a100", alpha=0.25, linewidth=0, zorder=0.2)
-        if words and span.text:
-            axes.annotate(
-                span.text,
-                (span.start_s, 1.0),
-                (0, 2),
-                xycoords=("data", "axes fraction"),
-                textcoords="offset points",
-                fontsize=SMALL,
-                color=GREY,
-                parse_math=False,
-            )
+        look: Any = _OVER if span.over else _MARKED
+        axes.axvspan(span.start_s, span.stop_s, zorder=0.2, **look)
+    for text, begin, row in words:
+        axes.annotate(
+            text,
+            (begin, 1.0),
+            (0, 2 + row * _WORDS * POINTS_PER_INCH),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            fontsize=SMALL,
+            color=GREY,
+            parse_math=False,
+        )
 
 
 def _as_long(values: npt.ArrayLike, time_s: npt.NDArray[np.float64], name: str) -> npt.NDArray[np.float64]:

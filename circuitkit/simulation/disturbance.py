@@ -193,6 +193,7 @@ class BodyForce:
         point_m: Where they act, from the body's centre of mass; shape (B, 3), [m]; for pictures.
         turns: Whether that point turns with the body; else it lies along the world's axes; shape (B,).
         levers: The forces whose points turn with the body; their moments follow from how it stands.
+        ways: What the scenario calls the directions of pushes: robot, start [s], word; for pictures.
     """
 
     body: int
@@ -202,6 +203,7 @@ class BodyForce:
     point_m: Array
     turns: Mask
     levers: tuple[Lever, ...] = ()
+    ways: tuple[tuple[int, float, str], ...] = ()
 
     def hook(self) -> Hook:
         """What the loop does."""

@@ -14,7 +14,7 @@ from circuitkit.base.errors import MissingDependencyError
 from circuitkit.base.files import replacing
 from circuitkit.base.progress import progress_bar
 from circuitkit.draw.style import GREY, INK, PAPER
-from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, Panel, font
+from circuitkit.simulation.panel import PANEL_HEIGHT, PANEL_WIDTH, ChartRow, Panel, chart_of, font
 from circuitkit.simulation.result import PushSpan, Result, summarise
 from circuitkit.simulation.scene import CameraScene
 
@@ -56,7 +56,8 @@ def film(results: Sequence[Result], path: Path, *, progress: bool = False) -> Pa
     width = len(results) * FRAME_SIZE[0] + (len(results) - 1) * _GAP
     with ExitStack() as stack:
         show = stack.enter_context(progress_bar("film", length, shown=progress))
-        reels = [stack.enter_context(closing(Reel(result, pace))) for result in results]
+        chart = chart_of(results)
+        reels = [stack.enter_context(closing(Reel(result, pace, chart))) for result in results]
         part = stack.enter_context(replacing(path))
         write = stack.enter_context(encode(part, (width, FRAME_SIZE[1])))
         for number, frame in enumerate(_joined(reels, length, width)):
@@ -75,12 +76,13 @@ def frame_count(result: Result, pace: int = 1) -> int:
 class Reel:
     """The frames of one run."""
 
-    def __init__(self, result: Result, pace: int = 1) -> None:
+    def __init__(self, result: Result, pace: int = 1, chart: Sequence[ChartRow] | None = None) -> None:
         """Set everything up for `frame`.
 
         Args:
             result: The run.
             pace: How many times as fast it is shown.
+            chart: The channels below the robot; by default those of this run alone.
 
         Raises:
             RendererError: There is no off-screen renderer.
@@ -88,7 +90,7 @@ class Reel:
         recording = result.recording
         self.length, self._pace = frame_count(result, pace), pace
         self._summary = summarise(result)
-        self._panel = Panel(result, self._summary)
+        self._panel = Panel(result, self._summary, chart=chart)
         self._scene = CameraScene(recording, PANEL_WIDTH, SCENE_HEIGHT)
         self._last = recording.ticks - 1
         if self._summary.ended_s is not None:

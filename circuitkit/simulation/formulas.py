@@ -277,6 +277,13 @@ class Formula:
                 return each
         return None
 
+    def true_below(self, channel: str) -> float | None:
+        """Below which value a channel makes the condition true, whatever all else is; None if it never does.
+
+        It is read off comparisons with numbers that stand alone or are joined by `or`.
+        """
+        return max(_bounds_below(self.tree, channel), default=None)
+
     @cached_property
     def looks_back(self) -> bool:
         """Whether it needs more of the past than first values."""
@@ -335,6 +342,17 @@ def _windows_in(tree: Expression) -> Iterator[Call]:
         yield tree
     for each in tree.operands():
         yield from _windows_in(each)
+
+
+def _bounds_below(tree: Expression, channel: str) -> Iterator[float]:
+    match tree:
+        case Call(function="where", arguments=(first, Number(value=1.0), other)):  # first or other
+            yield from _bounds_below(first, channel)
+            yield from _bounds_below(other, channel)
+        case Binary(operator="<" | "<=", left=Name(name=name), right=Number(value=bound)) if name == channel:
+            yield bound
+        case Binary(operator=">" | ">=", left=Number(value=bound), right=Name(name=name)) if name == channel:
+            yield bound
 
 
 def _reductions_in(tree: Expression) -> Iterator[str]:

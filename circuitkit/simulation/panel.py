@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -16,8 +17,8 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Array
 from circuitkit.draw.lit import lit_network, node_columns
 from circuitkit.draw.network import Node, make_network
-from circuitkit.draw.style import CYCLE, GREY, INK, KIND_COLOUR, PAPER, ROLE_FILL
-from circuitkit.simulation.plots import channels_of_interest, shown_unit, values_of
+from circuitkit.draw.style import CYCLE, GREY, INK, KIND_COLOUR, PAPER, ROLE_FILL, widened
+from circuitkit.simulation.plots import channels_of_interest, least_span, shown_unit, values_of
 from circuitkit.simulation.result import Result, RunSummary
 
 if TYPE_CHECKING:
@@ -28,7 +29,10 @@ PANEL_WIDTH, PANEL_HEIGHT = 640, 200
 _FINE = 2  # drawn so much larger and then reduced
 _NETWORK = (8, 24, 404, 162)  # left, top, width, height, [pixels]
 _CHART = (432.0, 26.0, 630.0, 192.0)  # left, top, right, bottom
-_TEXT, _SMALL_TEXT = 11.0, 9.5
+_TEXT, _SMALL_TEXT, _VALUE_TEXT = 11.0, 9.5, 8.5
+_AROUND = 1.2  # between a value and the boxes above and below it, at least
+_FURTHEST = 6.5  # from a box to the middle of the value below it, at most
+_MARKED = "#f8e3b0"  # the ground of a chart while something befalls the robot
 _RED = "#c8201a"
 _LEAST_LETTERS = 3.5  # of a network, in the film; with smaller ones there are cells in its place
 _CELL_HEIGHT = 12.4
@@ -46,10 +50,24 @@ def font(size: float, *, bold: bool = False) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / name), size)
 
 
+def _value_font() -> ImageFont.FreeTypeFont:
+    return font(_VALUE_TEXT * _FINE, bold=True)
+
+
 class Panel:
     """Pictures of the circuit and of some channels of one robot, tick by tick."""
 
-    def __init__(self, result: Result, summary: RunSummary, robot: int = 0) -> None:
+    def __init__(
+        self, result: Result, summary: RunSummary, robot: int = 0, chart: Sequence[ChartRow] | None = None
+    ) -> None:
+        """Prepare a run's pictures.
+
+        Args:
+            result: The run.
+            summary: Of it.
+            robot: Which of its robots.
+            chart: The channels, from top to bottom; by default those of this run alone.
+        """
         recording = result.recording
         self._summary, self._recording, self._robot = summary, recording, robot
         left, top, width, height = _NETWORK
@@ -67,30 +85,35 @@ class Panel:
         self._shown = dict(zip(names, values.T, strict=True))
         units = channels_of_interest([result])
         self._units = {name: shown_unit(self._shown[name], units[name]) for name in names if name in units}
-        wanted = () if graph is None else tuple(each.name for each in graph.inputs)
-        chosen = [name for name in recording.observation_names or wanted if name in units][: _MOST_ROWS - 1]
-        chosen += recording.command_names[:1]
-        chosen += [name for name in units if name not in chosen]
-        self._rows = [
-            _Row(name, units[name], values_of(result, name)) for name in chosen[:_MOST_ROWS] if name in units
-        ]
+        self._rows = chart_of([result]) if chart is None else tuple(chart)
+        self._values = [values_of(result, row.name) for row in self._rows]
+        befell = [(push.start_s, push.end_s) for push in summary.pushes]
+        befell += [(begin, end) for _, begin, end in summary.spans]
+        self._befell = tuple((begin, max(end, begin + summary.step_s)) for begin, end in befell)
         self._places = {} if self._lit is None else self._room_below(self._lit.boxes)
         self._title = _title(result)
 
     def _room_below(
         self, boxes: Mapping[str, tuple[float, float, float, float]]
     ) -> dict[str, tuple[float, float]]:
-        """Where values stand: below each box of a side, if all of them have room; [pixels]."""
+        """Where values stand: below each box of a side, if all of them have room; [pixels].
+
+        They are in the middle between a box and the next one, and nowhere near the one above if that is far.
+        """
+        _, above, _, below = (edge / _FINE for edge in _value_font().getbbox("0 rad/s", anchor="mm"))
+        _, top, _, bottom = (edge / _FINE for edge in _value_font().getbbox("0", anchor="mm"))
         half = self._lit.width / 2 if self._lit is not None else 0.0
         places = {}
         for right in (False, True):  # inputs stand on the left, outputs on the right
             side = [name for name, box in boxes.items() if (box[0] > half) == right and name in self._units]
             side.sort(key=lambda name: boxes[name][1])
-            if any(boxes[b][1] - boxes[a][3] < _SMALL_TEXT * _FINE for a, b in pairwise(side)):
+            gaps = [(boxes[b][1] - boxes[a][3]) / _FINE for a, b in pairwise(side)]
+            if any(gap < below - above + 2 * _AROUND for gap in gaps):
                 continue
-            for name in side:
+            for name, gap in zip(side, [*gaps, np.inf][: len(side)], strict=True):
                 x0, _, x1, y1 = boxes[name]
-                places[name] = ((self._at[0] + (x0 + x1) / 2) / _FINE, (self._at[1] + y1) / _FINE + 5)
+                y = (self._at[1] + y1) / _FINE + min(gap / 2, _FURTHEST) - (top + bottom) / 2
+                places[name] = ((self._at[0] + (x0 + x1) / 2) / _FINE, y)
         return places
 
     def picture(self, tick: int) -> Image.Image:
@@ -119,9 +142,9 @@ class Panel:
         for name, (x, y) in self._places.items():
             text = _valued(float(self._shown[name][tick]), *self._units[name])
             colour = _RED if text == "missing" else INK
-            half = pen.textlength(text, font=font(_SMALL_TEXT * _FINE, bold=True)) / (2 * _FINE)
+            half = pen.textlength(text, font=_value_font()) / (2 * _FINE)
             at = (min(max(x, half + 2), _CHART[0] - half - 4), y)
-            _write(pen, at, text, _SMALL_TEXT, anchor="mm", bold=True, fill=colour)
+            _write(pen, at, text, _VALUE_TEXT, anchor="mm", bold=True, fill=colour)
 
     def _paint_chart(self, pen: ImageDraw.ImageDraw, tick: int) -> None:
         """Some channels over the last moments, the newest on the right."""
@@ -132,20 +155,18 @@ class Panel:
         step_s = self._summary.step_s
         first = max(tick - round(_SHOWN_S / step_s), 0)
         scale = (right - left) / _SHOWN_S
-        for i, row in enumerate(self._rows):
+        for i, (row, values) in enumerate(zip(self._rows, self._values, strict=True)):
             low, high = top + i * height + 15, top + (i + 1) * height - 3
             pen.line([_fine(left, high), _fine(right, high)], fill=GREY, width=1)
             _write(pen, (left, low - 8), row.name, _SMALL_TEXT, anchor="lm", bold=True)
-            text = _valued(float(row.values[tick]), *row.unit)
+            text = _valued(float(values[tick]), *row.unit) if np.isfinite(values).any() else "none"
             _write(pen, (right, low - 8), text, _SMALL_TEXT, anchor="rm")
-            for push in self._summary.pushes:
-                begin, end = (right - (tick * step_s - t) * scale for t in (push.start_s, push.end_s))
+            for span in self._befell:
+                begin, end = (right - (tick * step_s - t) * scale for t in span)
                 if begin < right and end > left:
-                    pen.rectangle(
-                        [_fine(max(begin, left), low), _fine(min(end, right), high)], fill="#f8e3b0"
-                    )
+                    pen.rectangle([_fine(max(begin, left), low), _fine(min(end, right), high)], fill=_MARKED)
             xs = right - (tick - np.arange(first, tick + 1)) * step_s * scale
-            ys = high - (row.values[first : tick + 1] - row.low) / (row.high - row.low) * (high - low)
+            ys = high - (values[first : tick + 1] - row.low) / (row.high - row.low) * (high - low)
             points = [_fine(x, y) for x, y in zip(xs, ys, strict=True) if np.isfinite(y)]
             if len(points) > 1:
                 pen.line(points, fill=CYCLE[i % len(CYCLE)], width=2 * _FINE)
@@ -209,15 +230,46 @@ def _between(pale: str, dark: str, share: float) -> tuple[int, int, int]:
     return red, green, blue
 
 
-class _Row:
-    """A channel in the chart."""
+@dataclass(frozen=True)
+class ChartRow:
+    """A channel in the chart.
 
-    def __init__(self, name: str, unit: Unit, values: Array) -> None:
-        self.name, self.unit, self.values = name, shown_unit(values, unit), values
-        finite = values[np.isfinite(values)]
-        low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-        margin = 0.05 * (high - low) or 1.0
-        self.low, self.high = low - margin, high + margin
+    Attributes:
+        name: Of the channel or command.
+        unit: In which it is shown: its scale and its symbol.
+        low: Lower end of its axis, [SI].
+        high: Upper end, [SI].
+    """
+
+    name: str
+    unit: tuple[float, str]
+    low: float
+    high: float
+
+
+def chart_of(results: Sequence[Result]) -> tuple[ChartRow, ...]:
+    """The channels that a film shows of runs side by side: the same for all, on the same axes.
+
+    They are the first that a controller reads, the first that one commands, and then what measures need.
+    """
+    units = channels_of_interest(results)
+    recordings = [result.recording for result in results]
+    graphs = [recording.circuit for recording in recordings if recording.circuit is not None]
+    read = [name for recording in recordings for name in recording.observation_names]
+    read = read or [each.name for graph in graphs for each in graph.inputs]
+    chosen = list(dict.fromkeys(name for name in read if name in units))[: _MOST_ROWS - 1]
+    commanded = [name for recording in recordings for name in recording.command_names]
+    names = dict.fromkeys([*chosen, *commanded[:1], *units])
+    return tuple(_row(name, units[name], results) for name in list(names)[:_MOST_ROWS])
+
+
+def _row(name: str, unit: Unit, results: Sequence[Result]) -> ChartRow:
+    values = np.concatenate([values_of(result, name) for result in results])
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    low, high = widened(low, high, least_span(unit))
+    margin = 0.05 * (high - low) or 1.0
+    return ChartRow(name, shown_unit(values, unit), low - margin, high + margin)
 
 
 def _title(result: Result) -> str:

@@ -43,6 +43,13 @@ _HIGH_IN, _LOW_IN = 1.6, 1.0  # of a panel of a comparison: of up to four, of mo
 _FEW = 4
 _SHOWN_IN = {"m": "mm", "m/s": "mm/s"}  # where the values are small
 _SMALL = 0.3  # up to which values are
+# What an axis spans at least, [SI]: less is of no account, and rounding errors would fill a panel.
+_LEAST_SPAN = {
+    parse_unit(unit).dimension: span
+    for unit, span in (
+        ("m", 1e-3), ("m/s", 1e-3), ("rad", 2e-3), ("rad/s", 2e-3), ("N", 1e-2), ("N*m", 1e-3), ("1", 1e-3),
+    )
+}  # fmt: skip
 _PATH_IN = 4.2  # longer side of the picture of a path
 _NARROWEST = 0.45  # shorter side of it, at least, as a share of the longer one
 _BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
@@ -117,7 +124,7 @@ def comparison_figure(results: Sequence[Result]) -> Figure:
                  CYCLE[i % len(CYCLE)], "-", max(2.2 - 0.9 * i, 0.7))
             for i, (result, curve) in enumerate(zip(results, curves, strict=True))
         ]  # fmt: skip
-        panels.append(Panel(_label(name, shown), lines, height=height))
+        panels.append(_panel(name, (scale, shown), unit, lines, height))
     words = "; ".join(f"{result.recording.controller}: {result.outcome}" for result in results)
     summary = summarise(longest)
     return traces_figure(time, panels, None, _spans(summary), f"{summary.scenario}   {words}")
@@ -217,7 +224,7 @@ def _spans(summary: RunSummary) -> list[Span]:
     spans = [Span(push.start_s, push.end_s, push.text) for push in summary.pushes]
     spans += [Span(begin, max(end, begin + summary.step_s), text) for text, begin, end in summary.spans]
     if summary.ended_s is not None:
-        spans.append(Span(summary.ended_s, summary.end_s, "ended"))
+        spans.append(Span(summary.ended_s, summary.end_s, summary.ending, over=True))
     return spans
 
 
@@ -237,7 +244,8 @@ def _panels(result: Result) -> list[Panel]:
             scale, shown = shown_unit(np.concatenate(list(values.values())), part[0][1])
             lines = [Line(name, array / scale) for name, array in values.items()]
             one = part[0][0] if len(part) == 1 else "channels"
-            panels.append(Panel(_label(one, shown), lines if len(part) > 1 else [Line("", lines[0].values)]))
+            lines = lines if len(part) > 1 else [Line("", lines[0].values)]
+            panels.append(_panel(one, (scale, shown), part[0][1], lines))
     return [*panels, *_command_panels(result)][:_MOST_PANELS]
 
 
@@ -251,12 +259,26 @@ def _command_panels(result: Result) -> list[Panel]:
         for start in range(0, len(names), _MOST_LINES):
             part = names[start : start + _MOST_LINES]
             values = [_shown(result, name) for name in part]
-            scale, shown = shown_unit(np.concatenate(values), recording.robot.commands[part[0]].unit)
+            unit = recording.robot.commands[part[0]].unit
+            scale, shown = shown_unit(np.concatenate(values), unit)
             many = len(part) > 1
             pairs = zip(part, values, strict=True)
             lines = [Line(name if many else "", each / scale) for name, each in pairs]
-            panels.append(Panel(_label("commands" if many else part[0], shown), lines, height=1.1))
+            panels.append(_panel("commands" if many else part[0], (scale, shown), unit, lines, 1.1))
     return panels
+
+
+def _panel(
+    name: str, shown_in: tuple[float, str], unit: Unit, lines: Sequence[Line], height: float = _HIGH_IN
+) -> Panel:
+    """A panel of curves that are in a unit as `shown_unit` gives it."""
+    scale, symbol = shown_in
+    return Panel(_label(name, symbol), lines, (), height, least_span(unit) / scale)
+
+
+def least_span(unit: Unit) -> float:
+    """What an axis for values of a unit spans at least, [SI]."""
+    return _LEAST_SPAN.get(unit.dimension, 0.0)
 
 
 def channels_of_interest(results: Sequence[Result]) -> dict[str, Unit]:

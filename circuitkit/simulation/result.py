@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from circuitkit.base.units import Unit
 from circuitkit.control import Array
 from circuitkit.simulation.disturbance import BodyForce
-from circuitkit.simulation.disturbances.push import Push
+from circuitkit.simulation.disturbances.push import DIRECTIONS, Push
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.measures import SURVIVED
 from circuitkit.simulation.recording import Recording
@@ -63,17 +63,13 @@ class Result:
         A block of the robot's file may have words for a run that got to its end and for one that `until`
         ended; where the scenario judges by a measure `survived` of its own, the run passed or failed.
         """
-        recording = self.recording
-        blocks = recording.robot.blocks.values()
-        words = next((block.outcomes for block in blocks if hasattr(block, "outcomes")), None)
-        if recording.interrupted and recording.ended_s() is None:
+        recording, words = self.recording, self._words
+        if (ended := recording.ended_s()) is not None:
+            why = "" if recording.lost[0] else self._why
+            return f"{self.ending} at {ended:.2f} s{why}"
+        if recording.interrupted:
             stopped = f"interrupted at {recording.ticks * recording.step_s:.2f} s"
             return f"{words[0]} until interrupted" if words else stopped
-        if (ended := recording.ended_s()) is not None and recording.lost[0]:
-            return f"became unstable at {ended:.2f} s"
-        if ended is not None:
-            lost = words[1] if words else "ended" if self._plain else "failed"
-            return f"{'ended' if self.survived else lost} at {ended:.2f} s{self._why}"
         if not self._plain:
             return "passed" if self.survived else f"failed{self._why}"
         return words[0] if words else "ran to the end"
@@ -82,6 +78,23 @@ class Result:
     def _why(self) -> str:
         """Why a run failed that may not have: nothing tells whether it survived."""
         return ", as survived has no value" if self.measures[SURVIVED] is None else ""
+
+    @property
+    def ending(self) -> str:
+        """What happened when `until` ended it, in a word such as `fell`; empty where it did not."""
+        if self.recording.ended_s() is None:
+            return ""
+        if self.recording.lost[0]:
+            return "became unstable"
+        if self.survived:
+            return "ended"
+        return self._words[1] if self._words else "ended" if self._plain else "failed"
+
+    @property
+    def _words(self) -> tuple[str, str] | None:
+        """What a block of the robot's file calls a run that got to its end, and one that did not."""
+        blocks = self.recording.robot.blocks.values()
+        return next((block.outcomes for block in blocks if hasattr(block, "outcomes")), None)
 
     @property
     def _plain(self) -> bool:
@@ -126,6 +139,7 @@ class PushSpan:
         force: Largest force in it, world frame; shape (3,), [N].
         point_m: Where it acts, from the body's centre of mass; shape (3,).
         turns: Whether that point turns with the body; else it lies along the world's axes.
+        way: What the scenario calls its direction, if that is not one of the plain words; else empty.
     """
 
     body: int
@@ -134,6 +148,7 @@ class PushSpan:
     force: Array
     point_m: Array
     turns: bool = False
+    way: str = ""
 
     @property
     def size_n(self) -> float:
@@ -146,10 +161,11 @@ class PushSpan:
 
     @property
     def text(self) -> str:
-        """In words, such as `20 N to the left`."""
+        """In words, such as `20 N to the left`, with the scenario's own word as in `(inward)`."""
         axis = int(np.argmax(np.abs(self.force)))
         words = (("forward", "backward"), ("to the left", "to the right"), ("upward", "downward"))[axis]
-        return f"{self.size_n:.3g} N {words[int(self.force[axis] < 0)]}"
+        own = f" ({self.way})" if self.way else ""
+        return f"{self.size_n:.3g} N {words[int(self.force[axis] < 0)]}{own}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +183,7 @@ class RunSummary:
         spans: Further disturbances: what, from when, to when, [s].
         ended_s: When `until` ended it; None if it did not.
         good: Whether the robot got through.
+        ending: What happened at `ended_s`, in a word such as `fell`; empty if nothing did.
     """
 
     scenario: str
@@ -179,6 +196,7 @@ class RunSummary:
     spans: tuple[tuple[str, float, float], ...]
     ended_s: float | None
     good: bool
+    ending: str = ""
 
     @property
     def title(self) -> str:
@@ -215,7 +233,8 @@ def summarise(result: Result, robot: int = 0) -> RunSummary:
     recording = result.recording
     missing: NDArray[np.bool_] = np.any(~np.isfinite(recording.observations[:, robot]), axis=1)
     last = float(recording.time_s[-1])
-    spans = [(text, begin, min(end, last)) for text, begin, end in recording.effects.spans if begin < last]
+    found = [*recording.effects.spans, *_turns(recording, robot)]
+    spans = [(text, begin, min(end, last)) for text, begin, end in found if begin < last]
     return RunSummary(
         scenario=result.scenario.scenario,
         controller=recording.controller,
@@ -227,6 +246,7 @@ def summarise(result: Result, robot: int = 0) -> RunSummary:
         spans=tuple(spans),
         ended_s=recording.ended_s(robot),
         good=result.survived,
+        ending=result.ending,
     )
 
 
@@ -235,21 +255,44 @@ def find_pushes(recording: Recording, robot: int) -> tuple[PushSpan, ...]:
     found = []
     for push in recording.effects.forces:
         forces = push.forces[:, robot]
-        active = np.concatenate([[False], np.linalg.norm(forces, axis=1) > 0, [False]])
-        edges = np.flatnonzero(active[1:] != active[:-1])
-        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        for begin, end in _stretches(np.linalg.norm(forces, axis=1) > 0):
             if push.first_tick + begin < recording.ticks:
-                found.append(_span(push, robot, int(begin), int(end), recording.step_s))
+                found.append(_span(push, robot, begin, end, recording.step_s))
     return tuple(sorted(found, key=lambda span: span.start_s))
+
+
+def _stretches(active: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """Where something is the case: first row, and one past the last."""
+    padded = np.concatenate([[False], active, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        yield int(begin), int(end)
+
+
+def _turns(recording: Recording, robot: int) -> Iterator[tuple[str, float, float]]:
+    """Torques without a force, which have no arrow: in words, from when, to when."""
+    for push in recording.effects.forces:
+        if push.torques is not None:
+            sizes = np.linalg.norm(push.torques[:, robot], axis=1)
+            for begin, end in _stretches((sizes > 0) & ~push.forces[:, robot].any(axis=1)):
+                text = f"{sizes[begin:end].max():.3g} N m"
+                yield text, *_window_s(sizes[begin:end], push.first_tick + begin, recording.step_s)
+
+
+def _window_s(size: Array, first_tick: int, step_s: float) -> tuple[float, float]:
+    """From when to when something of a size by ticks acts; of the first and last tick it may cover a part."""
+    share = size / size.max()
+    start_s = (first_tick + 1 - share[0]) * step_s
+    return float(start_s), float(start_s + share.sum() * step_s)
 
 
 def _span(push: BodyForce, robot: int, begin: int, end: int, step_s: float) -> PushSpan:
     forces = push.forces[begin:end, robot]
     size = np.linalg.norm(forces, axis=1)
-    share = size / size.max()  # of its first and last tick a push may cover a part
-    start_s = (push.first_tick + begin + 1 - share[0]) * step_s
-    end_s = start_s + share.sum() * step_s
+    start_s, end_s = _window_s(size, push.first_tick + begin, step_s)
+    ways = (way for i, at, way in push.ways if i == robot and start_s - step_s < at < end_s)
     return PushSpan(
-        push.body, float(start_s), float(end_s), forces[np.argmax(size)],
+        push.body, start_s, end_s, forces[np.argmax(size)],
         push.point_m[robot], bool(push.turns[robot]),
+        ", ".join(dict.fromkeys(way for way in ways if way not in DIRECTIONS)),
     )  # fmt: skip

@@ -117,6 +117,56 @@ def test_a_push_has_its_exact_times_although_it_is_applied_in_ticks(pushed):
     assert story.pushes[0].text == "20 N to the right"
 
 
+def test_a_push_has_the_scenarios_own_word_beside_the_plain_one():
+    """In step 2 the left foot carries, so inward is to the right."""
+    result = run("circuit", disturbances=(a_push(step=2),))
+    (push,) = told(result).run.pushes
+    assert push.text == "20 N to the right (inward)"
+    assert result.row()["push"]["direction"] == "inward"
+
+
+@pytest.mark.parametrize("controller", ["circuit", "open_loop"])
+def test_the_lines_are_named_after_the_circuit_whose_they_are(controller):
+    """Also where the controller has no such neurons, as in open loop."""
+    figure = zmp_figure(told(run(controller)))
+    assert artist(figure, "threshold_0").get_label() == "threshold of binn_lateral_tuned"
+
+
+def test_without_the_measure_there_are_no_lines():
+    plan = make_plan(scenario("gait_march", (), duration=1.0, measures={"survived": "not ended"}))
+    recording = walk_alone(plan, "open_loop")
+    figure = zmp_figure(told(Result(plan.scenario, recording, recording.measures[0])))
+    assert not [each for each in figure.axes[0].lines if (each.get_gid() or "").startswith("threshold")]
+
+
+@pytest.mark.parametrize(
+    ("until", "angle"),
+    [
+        ("upright < 0.5 or com_z < 0.6 * first(com_z)", 60.0),
+        ("com_z < 0.6 * first(com_z)", None),
+        ("upright < 0.5 and com_z < 0.2 m", None),
+    ],
+)
+def test_the_line_of_a_fall_is_the_bound_of_the_scenario(until, angle):
+    plan = make_plan(scenario("gait_march", (), duration=0.5, until=until))
+    recording = walk_alone(plan, "open_loop")
+    axes = comparison_figure([Result(plan.scenario, recording, recording.measures[0])]).axes[-1]
+    lines = [each for each in axes.lines if each.get_gid() == "fall_bound"]
+    assert [each.get_ydata()[0] for each in lines] == pytest.approx([] if angle is None else [angle])
+    assert [each.get_text() for each in axes.get_legend().get_texts()][1:] == ["counts as a fall"] * len(
+        lines
+    )
+
+
+def test_nothing_hides_the_curves_of_the_comparison(pushed, fallen):
+    """The legend of the lower axes stands above them, and no words stand in them."""
+    figure = comparison_figure([fallen, pushed])
+    figure.draw_without_rendering()
+    axes = figure.axes[-1]
+    assert axes.get_legend().get_window_extent().y0 >= axes.bbox.y1 - 1
+    assert not [each for each in axes.texts if each.get_text()]
+
+
 def test_the_red_part_begins_at_the_push_and_together_they_are_the_zmp(pushed):
     figure = zmp_figure(told(pushed))
     start = pushed.recording.effects.windows_s[0, 0]

@@ -79,6 +79,59 @@ def test_panels_and_activity_share_their_time(tmp_path):
     assert (tmp_path / "t.png").exists()
 
 
+def test_what_spans_say_stays_within_the_axes_and_apart():
+    """Six spans that begin close to each other, the last one at the end."""
+    time = np.arange(100) * 0.01
+    texts = [f"sensor_{i} missing" for i in range(5)] + ["fell"]
+    spans = [Span(0.7 + 0.02 * i, 0.9, text) for i, text in enumerate(texts[:-1])]
+    spans.append(Span(0.97, 0.99, texts[-1], over=True))
+    figure = traces_figure(time, [Panel("x [1]", [Line("x", time)])], None, spans, "a title")
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    words = [each for each in axes.texts if each.get_text() in texts]
+    assert sorted(each.get_text() for each in words) == sorted(texts)
+    boxes = [each.get_window_extent() for each in words]
+    boxes.append(axes.get_legend().get_window_extent())
+    assert all(box.x1 <= axes.bbox.x1 + 1 for box in boxes[:-1])
+    assert not [(a, b) for i, a in enumerate(boxes) for b in boxes[:i] if a.overlaps(b)]
+    assert max(box.y1 for box in boxes) < figure.texts[0].get_window_extent().y0
+
+
+def test_what_came_after_the_end_is_hatched_and_what_befell_is_not():
+    spans = [Span(0.1, 0.2, "push"), Span(0.4, 0.49, "fell", over=True)]
+    figure = traces_figure(np.arange(50) * 0.01, [Panel("x [1]", [Line("", np.zeros(50))])], None, spans)
+    befell, over = figure.axes[0].patches
+    assert (befell.get_hatch(), over.get_hatch()) == (None, "////")
+    assert befell.get_facecolor()[:3] != over.get_facecolor()[:3]
+
+
+@pytest.mark.parametrize(
+    ("values", "least", "ticks"),
+    [
+        (270 + 1e-4 * np.sin(np.arange(50)), 0.0, 2.7),
+        (1e-6 * np.sin(np.arange(50)), 1.0, 1.0),
+        (1e7 + np.arange(50), 0.0, 1e5),
+        (np.arange(50.0), 1.0, 49.0),
+    ],
+)
+def test_what_hardly_changes_does_not_fill_its_panel_and_ticks_are_whole_numbers(values, least, ticks):
+    """A hundredth of the size, the least span, or what there is; nothing is to be added to the ticks."""
+    panel = Panel("x [mm]", [Line("", values)], least_span=least)
+    figure = traces_figure(np.arange(50) * 0.01, [panel])
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    low, high = axes.get_ylim()
+    assert ticks * 0.999 <= high - low <= ticks * 1.2
+    assert low <= values.min() <= values.max() <= high
+    assert axes.yaxis.get_offset_text().get_text() == ""
+    places = [each for each in axes.get_yticks() if low <= each <= high]
+    shown = [each.get_text() for each in axes.get_yticklabels()]
+    shown = [text for text, place in zip(shown, axes.get_yticks(), strict=True) if place in places]
+    assert len(set(shown)) == len(places) > 1
+    found = [float(text.replace("\N{MINUS SIGN}", "-")) for text in shown]
+    np.testing.assert_allclose(found, places, rtol=1e-5, atol=1e-9)
+
+
 def test_a_short_peak_survives_the_thinning_of_a_long_raster():
     outputs = np.zeros((100_001, 1))
     outputs[77_777] = 1.0

@@ -19,7 +19,7 @@ from circuitkit.base.errors import MissingDependencyError
 from circuitkit.simulation import make_plan
 from circuitkit.simulation import renderer as renderers
 from circuitkit.simulation.film import FRAMES_PER_S, SCENE_HEIGHT, Reel, film, frame_count
-from circuitkit.simulation.panel import Panel
+from circuitkit.simulation.panel import Panel, _value_font, chart_of
 from circuitkit.simulation.renderer import RendererError
 from circuitkit.simulation.result import PushSpan, Result, summarise
 from circuitkit.simulation.scene import ReplayModel, film_model
@@ -275,6 +275,59 @@ def test_a_circuit_too_large_to_be_read_is_shown_as_cells(pushed):
         np.testing.assert_allclose(found, (left, left + wide - 2, top, top + high), atol=2.5)
     left, right, _, _ = lit(ring_2=1.0)  # the third of four stripes
     np.testing.assert_allclose((left, right), 8 + 2 * wide + np.array([0.5, 0.75]) * (wide - 2), atol=2.5)
+
+
+def test_runs_side_by_side_show_the_same_channels_on_the_same_axes(pushed, fallen, monkeypatch, tmp_path):
+    """Open loop reads and commands nothing, and shows what the circuit beside it reads and commands."""
+    chart = chart_of([fallen, pushed])
+    assert [row.name for row in chart] == ["force_difference", "zmp_y", "ankle_roll"]
+    zmp = np.concatenate([result.recording.channel("zmp_y")[:, 0] for result in (fallen, pushed)])
+    assert chart[1].low < zmp.min() < zmp.max() < chart[1].high
+    assert chart_of([pushed, fallen]) == chart
+    given = []
+
+    def reel(*arguments):
+        given.append(arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("circuitkit.simulation.film.Reel", reel)
+    with pytest.raises(KeyboardInterrupt):
+        film([fallen, pushed], tmp_path / "film.mp4")
+    assert given == [(fallen, 1, chart)]
+    picture = Panel(fallen, summarise(fallen), chart=chart).picture(150)
+    assert np.asarray(picture).shape == (200, 640, 3)
+
+
+def test_values_of_inputs_touch_no_box(pushed):
+    """They keep two pixels from the box above and from the one below."""
+    panel = Panel(pushed, summarise(pushed))
+    boxes = panel._lit.boxes
+    assert set(panel._places) == set(boxes) == {"force_difference", "zmp_y", "ankle_roll"}
+    for name, (_, y) in panel._places.items():
+        _, above, _, below = _value_font().getbbox("\N{MINUS SIGN}0.98", anchor="mm")
+        top, bottom = y + above / 2, y + below / 2  # it is drawn at twice the size
+        x0, _, x1, _ = boxes[name]
+        for left, upper, right, lower in boxes.values():
+            if left < x1 and right > x0:
+                offset = panel._at[1]
+                assert bottom + 2 <= (offset + upper) / 2 or top - 2 >= (offset + lower) / 2, name
+
+
+def test_whatever_has_a_beginning_and_an_end_is_marked_in_the_chart(pushed):
+    """A fault as a push is, while it lasts and as long as it is in the picture."""
+
+    def marked(spans, tick):
+        effects = dataclasses.replace(pushed.recording.effects, forces=[], spans=spans)
+        recording = dataclasses.replace(pushed.recording, effects=effects)
+        result = dataclasses.replace(pushed, recording=recording)
+        picture = np.asarray(Panel(result, summarise(result)).picture(tick))[:, 432:631]
+        return int((np.abs(picture.astype(int) - (0xF8, 0xE3, 0xB0)).max(axis=-1) < 8).any(axis=0).sum())
+
+    dead = [("LFsrFL missing", 1.0, 1.4)]
+    assert marked([], 150) == 0
+    assert marked(dead, 95) == 0
+    assert marked(dead, 120) == pytest.approx(0.2 / 2 * 198, abs=3)  # the chart shows 2 s on 198 pixels
+    assert marked(dead, 200) == pytest.approx(0.4 / 2 * 198, abs=3)
 
 
 @pytest.mark.usefixtures("renderer")

@@ -446,3 +446,19 @@ def test_a_wrong_measure_of_a_scenario_in_python_is_an_input_error(cart, fields,
     with pytest.raises(InputError) as caught:
         run(cart, **fields)
     assert str(caught.value) == said
+
+
+@pytest.mark.parametrize(
+    ("text", "bound"),
+    [
+        ("n < 0.7", 0.7),
+        ("n < 0.7 or x < 0.6 * first(x)", 0.7),
+        ("x > 1 m or n <= 0.5 or 0.8 > n", 0.8),
+        ("n < 0.7 and x > 1 m", None),
+        ("n > 0.7", None),
+        ("x < 0.6 * first(x)", None),
+        ("max(n) < 0.7", None),
+    ],
+)
+def test_below_which_value_a_channel_alone_makes_a_condition_true(text, bound):
+    assert parse_measure(text, UNITS).true_below("n") == bound

@@ -15,6 +15,7 @@ from circuitkit import parse_circuit
 from circuitkit.base.units import parse_unit
 from circuitkit.control import CircuitController
 from circuitkit.simulation.disturbances.fault import Fault
+from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.plots import (
     channels_of_interest,
@@ -99,6 +100,31 @@ def test_a_summary_tells_what_befell_and_how_it_ended(cart):
     assert summary.window_s == (0.0, pytest.approx(summary.ended_s + 0.15))
     assert summary.before_end().sum() == round(summary.ended_s / 0.01)
     assert summary.pushed().argmax() == 19
+
+
+def test_noise_for_a_while_and_torques_are_among_what_befell(cart):
+    """As is what needs no span: noise all the time."""
+    befell = [
+        Noise(channel="place", std="1 mm", start=0.1, duration=0.2),
+        Noise(channel="speed", std="1 mm/s"),
+        Push(body="pole", torque=0.5, direction="left", duration=0.1, start=0.2),
+    ]
+    summary = summarise(result_of(cart, Told(["place", "speed"]), befell))
+    assert summary.pushes == ()
+    assert [text for text, _, _ in summary.spans] == ["noise on place", "0.5 N m"]
+    np.testing.assert_allclose([span[1:] for span in summary.spans], [(0.1, 0.3), (0.2, 0.3)], atol=1e-9)
+
+
+def test_the_end_of_a_run_is_marked_by_its_own_word(cart):
+    for measures, word in ((None, "ended"), ({"survived": "max(place) < 5 cm"}, "failed")):
+        more = {} if measures is None else {"measures": measures}
+        recording = run(cart, Told(["place"], force=5.0), until="place > 10 cm", **more)
+        given = {"scenario": "small", "robot": cart, "duration": 1.0, **more}
+        result = Result(Scenario(**given), recording, recording.measures[0])
+        assert result.ending == word
+        assert result.outcome == f"{word} at {recording.ended_s():.2f} s"
+        figure = result_figures(result, summarise(result))["channels"]
+        assert word in [text.get_text() for text in figure.axes[0].texts]
 
 
 def test_a_run_that_reaches_its_goal_did_not_fall(cart):

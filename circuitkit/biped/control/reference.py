@@ -149,11 +149,13 @@ class WalkReference:
     def com_per_pelvis(self) -> float:
         """How far the CoM goes sideways for each metre that the pelvis goes, in the walk as planned.
 
-        The legs stay behind, so it is less than 1; least squares over the walk.
+        The legs stay behind, so it is less than 1; least squares over the walk. A pelvis that keeps
+        still tells nothing of it: then it is 1.
         """
         pelvis = self.walk.pelvis_m[:, 1]
-        way = float(pelvis @ pelvis)
-        return float(self.com_m[: len(pelvis), 1] @ pelvis) / way if way > 0 else 1.0
+        if np.ptp(pelvis) == 0:
+            return 1.0
+        return float(self.com_m[: len(pelvis), 1] @ pelvis) / float(pelvis @ pelvis)
 
     def com_per_lean_m(self) -> float:
         """How far the CoM goes for each sine of the ankle's angle: eq. 3, less what the legs lack."""
@@ -190,15 +192,38 @@ class WalkReference:
 
 
 def walk_reference(walk: Walk, body: Body) -> WalkReference:
-    """The plan of a walk as a controller may know it.
+    """The plan of a walk as a controller may know it; it walks on after the end.
 
     Args:
         walk: The walk.
         body: The robot.
     """
+    rows = _rows_known(walk)
+    return _known(walk, body, plan_steps(walk.gait, walk.gait.steps_within(rows) + _TAIL_STEPS))
+
+
+def stand_reference(walk: Walk, body: Body) -> WalkReference:
+    """The plan of a robot that only stands, as a controller may know it; it stands on after the end.
+
+    A first step right after the end would be felt before it: its CoM leans towards it by exp(-omega t).
+
+    Args:
+        walk: The walk, which takes no step.
+        body: The robot.
+    """
+    stand = walk.gait.model_copy(update={"stand": _rows_known(walk) * walk.gait.control_step})
+    return _known(walk, body, plan_steps(stand, 0))
+
+
+def _rows_known(walk: Walk) -> int:
+    """R, the ticks of a walk that a controller may know."""
+    return walk.ticks + round(AHEAD_S / walk.gait.control_step)
+
+
+def _known(walk: Walk, body: Body, longer: Schedule) -> WalkReference:
+    """The plan that follows from a walk's time plan of at least R ticks."""
     gait, dt = walk.gait, walk.gait.control_step
-    rows = walk.ticks + round(AHEAD_S / dt)
-    longer = plan_steps(gait, gait.steps_within(rows) + _TAIL_STEPS)
+    rows = _rows_known(walk)
     com = com_from_zmp(longer.zmp_m, gait.com_height, dt)
     schedule = longer.rows(slice(rows))
     omega = natural_frequency(gait.com_height)

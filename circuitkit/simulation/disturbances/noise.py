@@ -74,6 +74,9 @@ class Noise(Disturbance):
             drawn = effects.generator(i, self.stream).normal(0.0, 1.0, values.shape[::2])
             values[:, i] = self._coloured(drawn, effects.step_s) * deviation
         first, last = effects.window(self.start, self.duration, where)
+        if self.start != 0.0 or self.duration is not None:
+            words = f"noise on {', '.join(amounts)}"
+            effects.spans.append((words, first * effects.step_s, last * effects.step_s))
         if columns:
             effects.on_readings.append(_adding(values[..., : len(columns)], columns, first, last))
         seen = [

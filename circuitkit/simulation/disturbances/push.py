@@ -109,7 +109,7 @@ class Push(Disturbance):
             force = (self.force or 0.0) * way
             point = np.array([0.0, 0.0, self.height] if self.at is None else self.at)
             turn = self.torque * way if self.torque is not None else np.zeros(3)
-            acting = _Acting(i, start, end, force, point, self.at is not None, turn)
+            acting = _Acting(i, start, end, force, point, self.at is not None, turn, self.direction)
             _pushes_of(effects).setdefault(body, []).append(acting)
             if np.isnan(effects.windows_s[i, 0]):
                 effects.windows_s[i] = start, end
@@ -148,6 +148,7 @@ class _Acting(NamedTuple):
     point_m: Array
     turns: bool
     torque: Array
+    way: str
 
 
 def _pushes_of(effects: Effects) -> dict[int, list[_Acting]]:
@@ -172,7 +173,7 @@ def _body_force(body: int, entries: list[_Acting], batch: int, dt: float) -> Bod
     torques = np.zeros_like(forces) if any(e.point_m.any() or e.torque.any() for e in entries) else None
     points, turning = np.zeros((batch, 3)), np.zeros(batch, dtype=bool)
     levers = []
-    for i, start, end, force, point, turns, torque in entries:
+    for i, start, end, force, point, turns, torque, _ in entries:
         share = np.clip(np.minimum(end, begin + dt) - np.maximum(start, begin), 0.0, dt)[:, np.newaxis] / dt
         forces[:, i] += share * force
         points[i], turning[i] = point, turns
@@ -180,4 +181,5 @@ def _body_force(body: int, entries: list[_Acting], batch: int, dt: float) -> Bod
             torques[:, i] += share * (torque if turns else np.cross(point, force) + torque)
         if turns:
             levers.append(Lever(i, point, share * force))
-    return BodyForce(body, first, forces, torques, points, turning, tuple(levers))
+    ways = tuple((each.robot, each.start_s, each.way) for each in entries)
+    return BodyForce(body, first, forces, torques, points, turning, tuple(levers), ways)

@@ -8,6 +8,7 @@ from walking import known_of, plan_of
 
 from circuitkit.biped.gait import LEFT, RIGHT
 from circuitkit.biped.gait.lipm import zmp_from_com
+from circuitkit.simulation import load_scenario, make_plan
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +76,28 @@ def test_the_planned_zmp_stays_on_what_carries(reference):
 
 def test_the_com_moves_less_than_the_pelvis(reference):
     assert 0.7 < reference.com_per_pelvis() < 0.95
+
+
+@pytest.mark.parametrize("duration", [0.05, 6.0, 8.0])
+def test_standing_is_planned_as_standing_at_every_tick_and_after_the_end(duration):
+    """However long a run is: whoever only stands leans towards no first step."""
+    plan = make_plan(load_scenario("nao_stands").model_copy(update={"duration": duration}))
+    known = known_of(plan)
+    expected = {"com_x": 0.0257, "com_y": 0.0, "com_velocity_x": 0.0, "com_velocity_y": 0.0}
+    planned = plan.body.motion.planned
+    assert {f"planned_{name}" for name in expected} == set(planned)
+    for name, value in expected.items():
+        np.testing.assert_allclose(planned[f"planned_{name}"].values, value, atol=1e-12, err_msg=name)
+    assert len(known.com_m) == known.walk.ticks + 300
+    assert known.footsteps == ()
+    np.testing.assert_allclose(known.com_acceleration, 0.0, atol=1e-10)
+    np.testing.assert_allclose(known.low_m, np.tile([-0.0507, -0.1], (len(known.com_m), 1)))
+    np.testing.assert_allclose(known.high_m, np.tile([0.0994, 0.1], (len(known.com_m), 1)))
+
+
+def test_a_walk_does_not_feel_the_end_of_its_plan():
+    """The last half second of 3 s is that of a walk which goes on for as long again."""
+    short, long = (plan_of(gait="gait_walk_2cm", duration=seconds).body.motion for seconds in (3.0, 6.0))
+    for name, channel in short.planned.items():
+        np.testing.assert_allclose(channel.values, long.planned[name].values[:300], atol=1e-12)
+    np.testing.assert_allclose(short.targets, long.targets[:300], atol=1e-12)
