@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from fnmatch import fnmatchcase
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.patterns import matches
 from circuitkit.base.source.fields import AnyQuantity, Seconds
 from circuitkit.base.units import parse_quantity
 from circuitkit.control import Array
@@ -76,12 +76,12 @@ class Noise(Disturbance):
         ]
         if seen:
             places, picked = [place for place, _ in seen], [len(columns) + k for _, k in seen]
-            effects.on_channels.append(_adding(values[..., picked], places, first, last))
+            effects.on_computed.append(_adding(values[..., picked], places, first, last))
 
     def _amount(self, effects: Effects, pattern: str, text: str, where: str) -> float:
         """A standard deviation in SI units, if its unit is that of what it is added to."""
         quantity = parse_quantity(text)
-        channels = [each for name, each in effects.robot.channels.items() if fnmatchcase(name, pattern)]
+        channels = [each for name, each in effects.robot.channels.items() if matches(name, pattern)]
         for channel in channels:
             if channel.unit.dimension != quantity.dimension:
                 message = (
