@@ -79,15 +79,22 @@ def rub(model: mujoco.MjModel, bodies: Sequence[int] | None, friction: float) ->
     for number, surface in enumerate(surfaces):
         if surface.body in bodies:
             others = [before[k] for k in _partners(model, before, number)]
-            _set(surface, before[number], others, friction)
+            strangers = [each for each in others if each.body not in bodies]
+            rough = any(_outdoes(each, before[number], friction) for each in strangers)
+            _set(surface, before[number], others if rough else [], friction)
+
+
+def _outdoes(other: _Surface, own: _Surface, friction: float) -> bool:
+    """Whether another surface would still decide on the friction, and otherwise."""
+    if other.priority > own.priority:
+        return bool(other.friction[0] != friction)
+    return bool(other.priority == own.priority and other.friction[0] > friction)
 
 
 def _set(surface: _Surface, own: _Surface, others: list[_Surface], friction: float) -> None:
-    """Give a surface a friction that counts against all others, and leave what else they say together."""
-    rough = [each for each in others if each.priority > own.priority]
-    rough += [each for each in others if each.priority == own.priority and each.friction[0] > friction]
+    """Give a surface a friction that counts against others, and leave what else they say together."""
     surface.friction[0] = friction
-    if not rough:
+    if not others:
         return
     together = {_touch(own, each): each for each in others}
     if len(together) > 1:

@@ -96,7 +96,7 @@ def test_a_contact_is_the_same_but_for_its_sliding_friction(tmp_path, friction):
 
 
 SECOND = (
-    '<body name="c" pos="0 1 .1"><freejoint/><geom name="h" type="box" size=".1 .1 .1" mass="1" {}/></body>'
+    '<body name="bb" pos="0 1 .1"><freejoint/><geom name="h" type="box" size=".1 .1 .1" mass="1" {}/></body>'
 )
 
 
@@ -105,6 +105,14 @@ def test_other_bodies_keep_their_friction(tmp_path):
     moved = run(robot, disturbances=[Body(body="b", friction=0.01)]).qpos[-1, 0]
     assert moved[0] > 0.1
     assert abs(moved[7]) < 1e-3
+
+
+def test_bodies_that_change_together_need_not_outdo_each_other(tmp_path):
+    """Two hard blocks on a soft floor with less friction than both get: the larger of two is theirs."""
+    robot = block(tmp_path, floor='solref="0.5 1" friction=".1"', more=SECOND.format(""))
+    model = build_model(robot, [Body(body="b*", friction=0.15).change]).model
+    np.testing.assert_array_equal(model.geom_friction[:, 0], [0.1, 0.15, 0.15])
+    assert not model.geom_priority.any()
 
 
 def test_a_friction_that_would_change_more_is_refused(tmp_path):
@@ -118,6 +126,9 @@ def test_a_friction_that_would_change_more_is_refused(tmp_path):
         'alone; allowed: a <pair> of the MJCF for what meets, or the friction of all, body: "*"'
     )
     run(robot, disturbances=[Body(body="b", friction=1.5)], duration_s=0.1)  # more is just the larger of two
+    first = block(tmp_path, floor='priority="1" solref="0.5 1"', more=SECOND.format(""))
+    same = run(first, disturbances=[Body(body="b", friction=1.0)], duration_s=0.1)
+    np.testing.assert_array_equal(same.qpos, run(first, duration_s=0.1).qpos)
     apart = block(tmp_path, floor='solref="0.5 1"', more=SECOND.format('contype="2" conaffinity="2"'))
     run(apart, disturbances=[Body(body="b", friction=0.1)], duration_s=0.1)
 
