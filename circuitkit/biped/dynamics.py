@@ -308,5 +308,5 @@ def servo_targets(robot: BipedBody, targets: Array, torques: Array) -> Array:
         torques: Of them; shape (T, n), [N m].
     """
     controls = np.repeat(robot.held[None], len(targets), axis=0)
-    controls[:, robot.servos] = (targets + torques / robot.stiffness) * robot.gear
+    controls[:, robot.controls] = (targets + torques / robot.stiffness) * robot.gear
     return controls

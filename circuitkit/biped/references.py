@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
@@ -174,6 +175,7 @@ def _motion(
     return Motion(
         targets=servo_targets(body, targets, torques),
         start_qpos=generalised_positions(body, planned.rows(slice(0, 1)))[0],
+        start=replace(robot.start, qvel=np.zeros(robot.model.nv)),
         planned=knowledge.planned_channels(),
         columns={"step": walk.schedule.step, "phase": walk.schedule.phase},
         knowledge=knowledge,

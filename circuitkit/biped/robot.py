@@ -204,7 +204,8 @@ class BipedBody:
         model: The MuJoCo model.
         block: The block of the robot file.
         layout: Where in `sensordata` each sensor stands.
-        servos: Numbers of the position actuators, in the order of `ctrl`; n of them.
+        servos: Numbers of the position actuators; n of them.
+        controls: Their places in `ctrl`; shape (n,).
         qpos_index: Places of their joints in `qpos`; shape (n,).
         dof_index: Their places in `qvel`; shape (n,).
         gear: Control for one radian; shape (n,).
@@ -227,6 +228,7 @@ class BipedBody:
     block: BipedBlock
     layout: SensorLayout
     servos: NDArray[np.int64]
+    controls: NDArray[np.int64]
     qpos_index: NDArray[np.int64]
     dof_index: NDArray[np.int64]
     gear: Array
@@ -296,7 +298,7 @@ class BipedBody:
                 factors = np.zeros(self.model.nu)
                 for role, factor in joints.items():
                     k = self.leg_servo[place[role]]
-                    factors[self.servos[k]] = factor * self.leg_sign[place[role]] * self.gear[k]
+                    factors[self.controls[k]] = factor * self.leg_sign[place[role]] * self.gear[k]
                 found[name] = Command(name, parse_unit("deg"), factors, None, description)
         return found
 
@@ -311,7 +313,7 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
     joint_type = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
     servos = [
         i
-        for i in range(model.nu)
+        for i in range(model.nactuator)
         if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
         and int(model.jnt_type[model.actuator_trnid[i, 0]]) in joint_type
         and drives_position(model, i)
@@ -326,13 +328,14 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
         raise InputError(robot.robot.problem(("biped", "joints", missing[0]), message))
     torso = int(model.body(block.torso).id)
     base = int(model.body_jntadr[torso])
-    gear = np.array([float(model.actuator_gear[i, 0]) for i in servos])
+    gear = np.array([float(model.actuator_gear[model.actuator_outadr[i], 0]) for i in servos])
     gain = np.array([float(model.actuator_gainprm[i, 0]) for i in servos])
     return BipedBody(
         model=model,
         block=block,
         layout=layout,
         servos=np.array(servos, dtype=np.int64),
+        controls=np.array([model.actuator_ctrladr[i] for i in servos], dtype=np.int64),
         qpos_index=np.array([model.jnt_qposadr[j] for j in joints], dtype=np.int64),
         dof_index=np.array([model.jnt_dofadr[j] for j in joints], dtype=np.int64),
         gear=gear,

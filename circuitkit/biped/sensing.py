@@ -135,7 +135,7 @@ def channels(
         found.add(f"load_{foot}", "N", load, f"weight on the {foot} foot, by its contacts")
     for number, name in enumerate(layout.cells):
         bare = Quotient(found.one(layout.forces, number), np.zeros(layout.total))
-        found.channels[name] = Channel(name, parse_unit("N"), bare, "force cell", cell_range)
+        found.channels[name] = Channel(name, parse_unit("N"), bare, "force cell", cell_range, of_sensor=True)
     return found.channels
 
 

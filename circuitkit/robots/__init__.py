@@ -1,7 +1,7 @@
 """Robots: from an MJCF and a robot file to channels, commands, and batches of robots in MuJoCo."""
 
 from circuitkit.robots.channels import Channel, Observer
-from circuitkit.robots.model import Command, RobotModel, build_model
+from circuitkit.robots.model import Command, RobotModel, StartState, build_model
 from circuitkit.robots.spec import Robot, load_robot, shipped_robots
 from circuitkit.robots.worlds import Worlds
 
@@ -11,6 +11,7 @@ __all__ = [
     "Observer",
     "Robot",
     "RobotModel",
+    "StartState",
     "Worlds",
     "build_model",
     "load_robot",

@@ -76,7 +76,8 @@ class Channel:
         unit: The unit in which it is shown; values are in SI units.
         value: How it is computed from `sensordata`.
         description: What it is.
-        range: What its sensor can show, [SI]; None without bounds.
+        range: What it can show, [SI]; None without bounds.
+        of_sensor: Whether that is the range of its sensor, so that whatever is computed from it is bound.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Channel:
     value: Formula | Quotient
     description: str = ""
     range: tuple[float, float] | None = None
+    of_sensor: bool = False
 
 
 class Observer:

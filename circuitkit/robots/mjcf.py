@@ -9,7 +9,6 @@ import logging
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +16,7 @@ from typing import Any, TypeVar
 import mujoco
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.patterns import matches
 from circuitkit.robots.spec import Robot, Servo
 
 HINGE, SLIDE, FREE = (
@@ -106,7 +106,7 @@ def _tell(path: str, text: str) -> None:
 
 
 _TURNING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-_OF_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+OF_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _OFF = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
@@ -128,7 +128,7 @@ def add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, floa
     if not wanted:
         return {}
     chosen = _chosen(mj, robot, problems)
-    replaced = [a for a in mj.actuators if a.trntype in _OF_JOINT and a.target in chosen]
+    replaced = [a for a in mj.actuators if a.trntype in OF_JOINT and a.target in chosen]
     target_of = {actuator.name: actuator.target for actuator in replaced}
     kept = [actuator.name for actuator in mj.actuators if actuator.name not in target_of]
     _keep_controls(mj, robot, kept, len(chosen))
@@ -149,12 +149,12 @@ def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:
     names = [joint.name for joint in mj.joints if joint.type in _TURNING]
     chosen = {}
     for name in names:
-        servo = next((each for each in wanted if any(fnmatchcase(name, p) for p in each.joints)), None)
+        servo = next((each for each in wanted if any(matches(name, p) for p in each.joints)), None)
         if servo is not None:
             chosen[name] = servo
     for i, servo in enumerate(wanted):
         for pattern in servo.joints:
-            if not any(fnmatchcase(name, pattern) for name in names):
+            if not any(matches(name, pattern) for name in names):
                 where = (
                     ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
                 )

@@ -14,7 +14,7 @@ from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.files import write_text
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.mjcf import HINGE, SLIDE, compile_mjcf, flex_bodies, read_mjcf
-from circuitkit.robots.model import drives_position
+from circuitkit.robots.model import drives_position, not_for_commands
 from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
 from circuitkit.robots.spec import RESERVED
 
@@ -128,7 +128,7 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
         shown = f"{np.degrees(start):.6g} deg" if kind == HINGE else f"{start * 1e3:.6g} mm"
         yield f"#   {_key(name)}: {shown}"
     of_joint = [int(t) == int(mujoco.mjtTrn.mjTRN_JOINT) for t in model.actuator_trntype]
-    driven = {int(model.actuator_trnid[i, 0]) for i in range(model.nu) if of_joint[i]}
+    driven = {int(model.actuator_trnid[i, 0]) for i in range(model.nactuator) if of_joint[i]}
     names = [_key(name) for name, j, _ in moving if j in driven] or [_key(name) for name, _, _ in moving]
     yield "# servos:                  # position servos in the place of the MJCF's actuators of these joints"
     numbers = "stiffness: 100 N*m/rad, damping: 3 N*m*s/rad, torque: 10 N*m"
@@ -160,7 +160,7 @@ def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:
     for i in range(model.ntendon):
         name = model.tendon(i).name
         add(f"{_word(name)}_length", "m", f"tendon({_shown(name)})", used=False)
-    for i in range(model.nu):
+    for i in range(model.nactuator):
         name = model.actuator(i).name
         add(f"{_word(name)}_force", _unit_of_force(model, i), f"actuator_force({_shown(name)})", used=False)
     used = any(not line.startswith("  #") for line in lines)
@@ -191,17 +191,19 @@ def _body(own: str, name: str, add: Callable[..., None]) -> None:
 
 def _commands(model: mujoco.MjModel, channels: set[str]) -> Iterator[str]:
     """A line for each actuator; a name that a channel has gets an ending, so that measures can name both."""
-    if not model.nu:
+    if not model.nactuator:
         yield "commands: {}   # the MJCF has no actuators; servos above bring some, named like their joints"
         return
-    yield "commands:"
+    written = not all(not_for_commands(model, i) for i in range(model.nactuator))
+    yield "commands:" if written else "commands: {}"
     taken = set(channels)
-    for i in range(model.nu):
+    for i in range(model.nactuator):
         name, unit = model.actuator(i).name, _unit_of_actuator(model, i)
         limits = ""
-        if model.actuator_ctrllimited[i]:
+        place = int(model.actuator_ctrladr[i])
+        if model.actuator_ctrllimited[place]:
             low, high = (
-                f"{value:.9g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[i]
+                f"{value:.9g}{'' if unit == '1' else f' {unit}'}" for value in model.actuator_ctrlrange[place]
             )
             limits = f", limits: [{low}, {high}]"
         own = _word(name)
@@ -211,7 +213,9 @@ def _commands(model: mujoco.MjModel, channels: set[str]) -> Iterator[str]:
             own += "_"
         taken.add(own)
         shown = '"1"' if unit == "1" else unit
-        yield f"  {_key(own)}: {{unit: {shown}, to: {{{_key(name)}: 1}}{limits}}}"
+        why = not_for_commands(model, i)
+        mark, end = ("# ", f"   # {why.partition(';')[0]}") if why else ("", "")
+        yield f"  {mark}{_key(own)}: {{unit: {shown}, to: {{{_key(name)}: 1}}{limits}}}{end}"
 
 
 def _unit_of_actuator(model: mujoco.MjModel, i: int) -> str:

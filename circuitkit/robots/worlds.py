@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.robots.channels import Array
-from circuitkit.robots.model import RobotModel
+from circuitkit.robots.model import RobotModel, StartState
 
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _WHOLE = 1e-6  # far below a time step
@@ -61,6 +61,7 @@ class Worlds:
         qpos: Positions after the last `advance`, live; shape (B, nq).
         qvel: Velocities, live; shape (B, nv).
         physics: MuJoCo's batch, for what disturbances change.
+        sleeps: Whether bodies at rest may sleep; a world then remembers more than its state.
     """
 
     def __init__(
@@ -93,8 +94,8 @@ class Worlds:
         self.batch = batch
         self._substeps = substeps_of(robot, step_s)
         count = min(batch, threads) if threads else (1 if batch == 1 else 0)
-        sleeps = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
-        self.physics = Batch(model, batch, nthread=count, persistent=sleeps)
+        self.sleeps = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
+        self.physics = Batch(model, batch, nthread=count, persistent=self.sleeps)
         self._warned = self.physics.warning.tobytes()
         # Arrays of one shape are added and compared in a quarter of the time that broadcasting takes.
         self._targets, self._last_target = targets[:, np.newaxis], len(targets) - 1
@@ -115,8 +116,16 @@ class Worlds:
         self._stepped: NDArray[np.int32] | None = None
         self._pose: mujoco.MjData | None = None
         self.qpos[:] = start_qpos
-        if model.na:
-            self.physics.bind("act")[:] = robot.start_act
+        self.start_from(robot.start)
+
+    def start_from(self, start: StartState) -> None:
+        """Give all robots the velocities, states of actuators and mocap bodies of a start."""
+        self.qvel[:] = start.qvel
+        for name, values in (
+            ("act", start.act), ("mocap_pos", start.mocap_pos), ("mocap_quat", start.mocap_quat),
+        ):  # fmt: skip
+            if values.size:
+                self.physics.bind(name)[:] = values
 
     def begin(self) -> None:
         """Work out the readings at the start, once the state is what it shall be."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError
+from circuitkit.base.patterns import matches
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel, describe, unfilled
 from circuitkit.base.units import Unit, parse_quantity, parse_unit
@@ -238,7 +238,8 @@ class Effects:
         on_worlds: Before a control step passes; gets the `Worlds`.
         on_readings: On what the sensors show, shape (B, s), before readings are clipped to their range.
         on_clipped: The same, after that.
-        on_channels: On what the controller reads; shape (B, k).
+        on_computed: On the channels that are computed from it, shape (B, k), before they are clipped.
+        on_channels: The same, after that: what the controller reads.
         on_commands: On what it writes; shape (B, m).
         forces: Forces on bodies, which are on `on_worlds` as well.
         windows_s: Start and end of each robot's first push; shape (B, 2); not a number without one.
@@ -260,6 +261,7 @@ class Effects:
     on_worlds: list[Hook] = field(default_factory=list)
     on_readings: list[Hook] = field(default_factory=list)
     on_clipped: list[Hook] = field(default_factory=list)
+    on_computed: list[Hook] = field(default_factory=list)
     on_channels: list[Hook] = field(default_factory=list)
     on_commands: list[Hook] = field(default_factory=list)
     forces: list[BodyForce] = field(default_factory=list)
@@ -388,7 +390,7 @@ class Effects:
                 yield "sensor", pattern, parse_unit(unit)
 
     def _matching(self, pattern: str) -> list[Channel]:
-        return [each for name, each in self.robot.channels.items() if fnmatchcase(name, pattern)]
+        return [each for name, each in self.robot.channels.items() if matches(name, pattern)]
 
     def _columns_of_sensor(self, name: str) -> list[int] | None:
         """The columns of what a block calls a sensor, or of a sensor that no channel is called like."""

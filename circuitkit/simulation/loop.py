@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Array, Controller
-from circuitkit.robots import Observer, RobotModel, Worlds
+from circuitkit.robots import Channel, Observer, RobotModel, Worlds
 from circuitkit.simulation.disturbance import Effects, Hook, RunSpec
 from circuitkit.simulation.measures import Judge, Tracker
 from circuitkit.simulation.recording import Recording
@@ -144,18 +144,13 @@ def _tracker(setup: Setup) -> Tracker:
     )  # fmt: skip
 
 
-def _columns(robot: RobotModel, names: Sequence[str]) -> set[int]:
-    """The columns of `sensordata` that channels depend on."""
-    return {column for name in names if name in robot.channels for column in robot.channels[name].value.used}
-
-
 def _start(setup: Setup, threads: int | None) -> Worlds:
     worlds = Worlds(
         setup.robot, setup.step_s, setup.motion.targets, setup.motion.start_qpos,
         setup.controller.commands, len(setup.specs), threads,
     )  # fmt: skip
-    if setup.motion.start_act is not None and len(setup.motion.start_act):
-        worlds.physics.bind("act")[:] = setup.motion.start_act
+    if setup.motion.start is not None:
+        worlds.start_from(setup.motion.start)
     for place in setup.effects.at_rest:
         place(worlds)
     worlds.begin()
@@ -171,7 +166,8 @@ class _CommonStarts:
     """Robots with the same seed do the same until something befalls one of them: one is simulated for all.
 
     The controller, the noise and the measures go on for every robot, so that each has its own state, equal to
-    that of the others, when they part; only the physics, which is most of the work, is done once.
+    that of the others, when they part; only the physics, which is most of the work, is done once. Where
+    bodies may sleep nobody follows, for who sleeps is no part of the state that one who parts takes along.
     """
 
     def __init__(self, setup: Setup, worlds: Worlds) -> None:
@@ -180,7 +176,7 @@ class _CommonStarts:
         self._own_tick = setup.effects.own_tick
         by_seed: dict[int, list[int]] = {}
         for i, spec in enumerate(setup.specs):
-            if self._own_tick[i] > 0:
+            if self._own_tick[i] > 0 and not worlds.sleeps:
                 by_seed.setdefault(spec.seed, []).append(i)
         for robots in by_seed.values():
             self._leaders[robots] = max(robots, key=lambda i: int(self._own_tick[i]))
@@ -303,21 +299,28 @@ class _Clip:
 
 
 class _Senses:
-    """What the controller gets to read: with noise and faults, within the sensors' ranges."""
+    """What the controller gets to read: with noise and faults, within its ranges.
+
+    A range is one of the channel that is read: no other channel is clipped by it, whatever sensor they share.
+    Only where it is the sensor's own (`Channel.of_sensor`) all that is computed from the sensor is.
+    """
 
     def __init__(self, setup: Setup, worlds: Worlds) -> None:
         effects, channels = setup.effects, setup.robot.channels
         self._on_readings, self._on_clipped = effects.on_readings, effects.on_clipped
-        self._on_channels = effects.on_channels
+        self._on_computed, self._on_channels = effects.on_computed, effects.on_channels
         known = dict(channels)
-        self._observer = Observer(known, setup.controller.observations)
-        ranges = {c.value.bare: c.range for c in channels.values() if c.range and c.value.bare is not None}
-        wanted = _columns(setup.robot, setup.controller.observations)
-        ranges = {column: bounds for column, bounds in ranges.items() if column in wanted}
-        self._changes = bool(self._on_readings or self._on_clipped or ranges)
+        names = setup.controller.observations
+        self._observer = Observer(known, names)
+        columns, of_channels = _ranges([known[name] for name in names], known.values())
+        self._changes = bool(self._on_readings or self._on_clipped or columns)
         self._true = worlds.readings
         self._seen = worlds.readings.copy() if self._changes else worlds.readings
-        self._clips = _clips(self._seen, ranges)
+        self._clips = _clips(self._seen, columns)
+        ends = [of_channels.get(i, (-np.inf, np.inf)) for i in range(len(names))]
+        # Of the shape of what they bound: arrays of one shape are clipped in a quarter of the time.
+        self._bounds = [np.tile([end[side] for end in ends], (worlds.batch, 1)) for side in (0, 1)]
+        self._bounded = bool(of_channels)
         self._observe = self._observer.bound(self._seen)
         self._missing = [(hook.first, hook.last) for hook in self._on_clipped]
 
@@ -335,7 +338,48 @@ class _Senses:
             observation[...] = self._observer.where_some_are_missing(self._seen)
         else:
             self._observe(observation)
+        _do(self._on_computed, tick, observation)
+        if self._bounded:
+            np.maximum(observation, self._bounds[0], out=observation)
+            np.minimum(observation, self._bounds[1], out=observation)
         _do(self._on_channels, tick, observation)
+
+
+def _ranges(
+    read: Sequence[Channel], known: Iterable[Channel]
+) -> tuple[dict[int, tuple[float, float]], dict[int, tuple[float, float]]]:
+    """Which columns of readings are clipped, and which of the channels that are read.
+
+    The column is clipped where that is the same: the range is the sensor's, or nobody reads the column but
+    channels that are no more than it and have this range. Faults of the sensor then come after.
+
+    Args:
+        read: The channels that the controller reads, in order.
+        known: All channels.
+
+    Returns:
+        Bounds by column of readings, and by place among the channels that are read.
+    """
+    users: dict[int, list[Channel]] = {}
+    for channel in read:
+        for column in channel.value.used:
+            users.setdefault(column, []).append(channel)
+    columns = {
+        c.value.bare: c.range
+        for c in known
+        if c.of_sensor and c.range is not None and c.value.bare is not None and c.value.bare in users
+    }
+    places = {}
+    for place, channel in enumerate(read):
+        bare, ends = channel.value.bare, channel.range
+        if ends is None or (bare is not None and columns.get(bare) == ends):
+            continue
+        alone = bare is not None and all(c.value.bare == bare and c.range == ends for c in users[bare])
+        if bare is not None and alone and bare not in columns:
+            columns[bare] = ends
+        else:
+            places[place] = ends
+    return columns, places
 
 
 def _clips(readings: Array, ranges: dict[int, tuple[float, float]]) -> list[_Clip]:

@@ -329,10 +329,12 @@ def shown_unit(values: Array, unit: Unit) -> tuple[float, str]:
 
 def _way(result: Result) -> Array | None:
     """Where the robot's base went, forward and left; shape (T, 2). None of a robot that cannot go about."""
-    places = MobileBase(result.recording.robot).places
-    if places.keys() != {0, 1}:
+    base = MobileBase(result.recording.robot)
+    if base.places.keys() != {0, 1}:
         return None
-    return result.recording.qpos[: len(_time(result)), 0][:, [places[0], places[1]]]
+    positions = result.recording.qpos[: len(_time(result)), 0]
+    way: Array = positions[:, [base.places[0], base.places[1]]] * [base.signs[0], base.signs[1]]
+    return way
 
 
 def _obstacles(result: Result) -> Iterator[tuple[int, Array, Array]]:

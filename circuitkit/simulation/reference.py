@@ -13,7 +13,7 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import Document, FileModel
 from circuitkit.control import Array, PlannedChannel
-from circuitkit.robots import RobotModel
+from circuitkit.robots import RobotModel, StartState
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Motion:
         columns: What is recorded beside them, T values each, such as the number of a step.
         knowledge: What controllers that are made for this reference may read.
         pace_s: Time after which the reference repeats itself; 0 if it does not.
-        start_act: States of actuators at the start; those of the robot file if None; shape (na,).
+        start: What it starts with beside the positions; as the robot file says if None.
     """
 
     targets: Array
@@ -50,7 +50,7 @@ class Motion:
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     knowledge: Any = None
     pace_s: float = 0.0
-    start_act: Array | None = None
+    start: StartState | None = None
 
 
 @dataclass(frozen=True)

@@ -228,7 +228,7 @@ def test_a_keyframe_keeps_the_controls_of_actuators_that_stay(tmp_path):
     robot = built(tmp_path, mjcf.replace("</mujoco>", key), SERVO + "key: home\n")
     assert robot.names("actuator") == ["drive", "elbow"]
     np.testing.assert_allclose(robot.held, [0.5, 0.2])
-    np.testing.assert_allclose(robot.start_act, [0.7])
+    np.testing.assert_allclose(robot.start.act, [0.7])
 
 
 # --- time, and what MuJoCo says -----------------------------------------------------------------------------

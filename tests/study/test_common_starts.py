@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 from mujoco.batch import Batch
+from small_robots import small_robot
 
-from circuitkit.simulation import Plan, RunSpec, load_scenario, make_plan
+from circuitkit.simulation import Plan, RunSpec, Scenario, load_scenario, make_plan
+from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.loop import Setup, run_and_watch, run_loop
 
 ARRAYS = ("readings", "qpos", "observations", "commands", "trace")
@@ -92,3 +95,36 @@ def test_only_one_robot_of_a_seed_is_stepped_before_its_push(monkeypatch):
     assert each_tick[-1] == 7
     begins = np.sort(setup.effects.own_tick)
     assert [each_tick.count(n) for n in (3, 7)] == [begins[1], 220 - begins[4]]
+
+
+SLEEPY = """
+<mujoco>
+  <option timestep="0.002"><flag sleep="enable"/></option>
+  <worldbody>
+    <geom type="plane" size="9 9 .1"/>
+    <body name="robot" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/>
+      <body name="leg" pos=".3 0 0"><joint name="k" axis="0 0 1" damping=".01"/>
+        <geom type="box" size=".05 .05 .05" mass=".1"/></body></body>
+    <body name="box" pos="-3 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_bodies_that_sleep_do_what_mujoco_says_whatever_the_batch(tmp_path):
+    """Robots of one seed that are pushed at different times, in one batch; each as in MuJoCo by itself."""
+    starts = (0.5, 1.0, None)
+    pushes = [
+        () if s is None else (Push(body="box", force=30.0, direction="left", duration=0.1, start=s),)
+        for s in starts
+    ]
+    made = make_plan(Scenario(robot=small_robot(tmp_path, SLEEPY), control_step=0.01, duration=1.5))
+    found = run_loop(made.setup(made.controller(), [RunSpec(0, push) for push in pushes]))
+    model = mujoco.MjModel.from_xml_string(SLEEPY)
+    for number, start in enumerate(starts):
+        data = mujoco.MjData(model)
+        for tick in range(found.ticks):
+            pushed = start is not None and round(start * 100) <= tick < round(start * 100) + 10
+            data.xfrc_applied[model.body("box").id, 1] = 30.0 if pushed else 0.0
+            mujoco.mj_step(model, data, nstep=5)
+            np.testing.assert_array_equal(found.qpos[tick, number], data.qpos)

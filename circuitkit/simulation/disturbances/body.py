@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from circuitkit.base.source.fields import Kilograms, Ratio
 from circuitkit.robots import RobotModel
 from circuitkit.simulation.disturbance import Disturbance, placed
+from circuitkit.simulation.friction import rub
 
 
 class Body(Disturbance):
@@ -51,16 +52,10 @@ class Body(Disturbance):
         if self.payload is not None:
             model.body_mass[bodies[0]] += self.payload
         if self.mass != 1.0 or self.payload is not None:
+            strengths = (
+                model.actuator_acc0.copy()
+            )  # a muscle's peak force may be made of it: no load changes that
             mujoco.mj_setConst(model, mujoco.MjData(model))
+            model.actuator_acc0[:] = strengths
         if self.friction is not None:
-            self._rub(model, bodies)
-
-    def _rub(self, model: mujoco.MjModel, bodies: list[int]) -> None:
-        """Give the geoms their friction. Of two that touch, the higher priority, else the rougher counts."""
-        everything = self.body == "*"
-        for geom in range(model.ngeom):
-            if everything:
-                model.geom_friction[geom, 0] = self.friction
-            elif int(model.geom_bodyid[geom]) in bodies:
-                model.geom_friction[geom, 0] = self.friction
-                model.geom_priority[geom] += 1
+            rub(model, None if self.body == "*" else bodies, self.friction)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from fnmatch import fnmatchcase
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.patterns import matches
 from circuitkit.base.source.fields import Seconds
 from circuitkit.control import Array
 from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, placed
@@ -56,10 +56,10 @@ class Delay(Disturbance):
 
 def _places(pattern: str, used: Sequence[str], there: Iterable[str], kind: str, where: str) -> list[int]:
     """Where the names that match a pattern stand among those in use."""
-    if not any(fnmatchcase(name, pattern) for name in (*there, *used)) and pattern != "*":
+    if not any(matches(name, pattern) for name in (*there, *used)) and pattern != "*":
         with placed(f"{where}.{kind}"):
             raise UnknownNameError(kind, pattern, dict.fromkeys((*there, *used)))
-    return [i for i, name in enumerate(used) if fnmatchcase(name, pattern)]
+    return [i for i, name in enumerate(used) if matches(name, pattern)]
 
 
 class _Late:

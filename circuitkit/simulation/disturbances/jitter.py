@@ -96,13 +96,13 @@ class Jitter(Disturbance):
 def _kick(base: MobileBase, worlds: Worlds, velocity: np.ndarray) -> None:
     """Give the bases a velocity; shape (B, 2)."""
     for axis, dof in base.dofs.items():
-        worlds.qvel[:, dof] = velocity[:, axis]
+        worlds.qvel[:, dof] += base.signs[axis] * velocity[:, axis]
 
 
 def _move(base: MobileBase, worlds: Worlds, moved: np.ndarray, turned: np.ndarray) -> None:
     """Put the bases elsewhere, by (B, 2) metres and turned by (B,) radians about the vertical."""
     for axis, place in base.places.items():
-        worlds.qpos[:, place] += moved[:, axis]
+        worlds.qpos[:, place] += base.signs[axis] * moved[:, axis]
     model = worlds.robot.model
     if base.free is not None:
         start = int(model.jnt_qposadr[base.free]) + 3
@@ -112,4 +112,4 @@ def _move(base: MobileBase, worlds: Worlds, moved: np.ndarray, turned: np.ndarra
             mujoco.mju_mulQuat(product, half, worlds.qpos[i, start : start + 4].copy())
             worlds.qpos[i, start : start + 4] = product
     elif base.turn is not None:
-        worlds.qpos[:, model.jnt_qposadr[base.turn]] += turned
+        worlds.qpos[:, model.jnt_qposadr[base.turn]] += base.turn_sign * turned

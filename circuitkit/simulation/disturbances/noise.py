@@ -84,7 +84,7 @@ class Noise(Disturbance):
         ]
         if seen:
             places, picked = [place for place, _ in seen], [len(columns) + k for _, k in seen]
-            effects.on_channels.append(_adding(values[..., picked], places, first, last))
+            effects.on_computed.append(_adding(values[..., picked], places, first, last))
 
     def _amount(self, effects: Effects, pattern: str, text: str, where: str) -> float:
         """A standard deviation in SI units, if its unit is that of what it is added to."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -37,12 +38,13 @@ class Hold(Reference):
             InputError: The robot lacks a joint, or its unit is another; lists all that is wrong.
         """
         qpos, ctrl = robot.start_qpos.copy(), robot.held.copy()
+        start = replace(robot.start, act=robot.start.act.copy())
         problems: list[Problem] = []
 
         def complain(name: str, message: str, hint: str = "") -> None:
             problems.append(Problem("", 0, 0, f"reference.hold.{name}", message, hint))
 
-        hold_joints(robot.model, self.joints, qpos, ctrl, complain)
+        hold_joints(robot.model, self.joints, qpos, ctrl, start.act, complain)
         if problems:
             raise InputError(*problems)
-        return Motion(ctrl[np.newaxis], qpos)
+        return Motion(ctrl[np.newaxis], qpos, start=start)

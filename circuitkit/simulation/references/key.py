@@ -9,7 +9,7 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.source import Document
 from circuitkit.robots import RobotModel
-from circuitkit.robots.model import hold_at
+from circuitkit.robots.model import hold_at, start_state
 from circuitkit.simulation.reference import Motion, Reference
 
 
@@ -39,7 +39,5 @@ class Key(Reference):
         if self.name not in names:
             message = f"the MJCF has no keyframe '{self.name}'; allowed: {listing(names)}"
             raise InputError(Problem("", 0, 0, "reference.key", message, suggest(self.name, names)))
-        key = model.key(self.name)
-        return Motion(
-            hold_at(robot, key.qpos, key.ctrl)[np.newaxis], key.qpos.copy(), start_act=key.act.copy()
-        )
+        key, start = model.key(self.name), start_state(model, self.name)
+        return Motion(hold_at(robot, key.qpos, key.ctrl, start.act)[np.newaxis], key.qpos.copy(), start=start)
