@@ -23,7 +23,17 @@ from circuitkit.circuit.expressions.dimensions import (
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
-from circuitkit.robots.mjcf import FREE, HINGE, SLIDE, add_servos, compile_mjcf, flex_bodies, read_mjcf
+from circuitkit.robots.mjcf import (
+    FREE,
+    HELD_UNITS,
+    HINGE,
+    SLIDE,
+    TYPE_NAMES,
+    add_servos,
+    compile_mjcf,
+    flex_bodies,
+    read_mjcf,
+)
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
 from circuitkit.robots.spec import ChannelSpec, Robot
 
@@ -309,6 +319,14 @@ def _key_names(model: mujoco.MjModel) -> list[str]:
     return [model.key(i).name for i in range(model.nkey)]
 
 
+def no_keyframe(name: str, keys: Sequence[str]) -> tuple[str, str]:
+    """What is wrong with the name of a keyframe that is not there, and what to do."""
+    if keys:
+        return f"the MJCF has no keyframe '{name}'; allowed: {listing(keys)}", suggest(name, keys)
+    message = f"found '{name}', but the MJCF has no keyframes; allowed: no key"
+    return message, "hold, such as hold: {JOINT: 10 deg}, puts joints where they start"
+
+
 def _start(
     robot: Robot, model: mujoco.MjModel, servos: Mapping[str, float], problems: list[Problem]
 ) -> tuple[Array, Array]:
@@ -319,8 +337,7 @@ def _start(
         if robot.key in keys:
             qpos, ctrl = model.key(robot.key).qpos.copy(), model.key(robot.key).ctrl.copy()
         else:
-            message = f"the MJCF has no keyframe '{robot.key}'; allowed: {listing(keys)}"
-            problems.append(robot.problem(("key",), message, suggest(robot.key, keys)))
+            problems.append(robot.problem(("key",), *no_keyframe(robot.key, keys)))
     held = hold_joints(
         model, robot.hold, qpos, ctrl, lambda name, *m: problems.append(robot.problem(("hold", name), *m))
     )
@@ -378,10 +395,11 @@ def hold_joints(
             )
             continue
         joint = int(model.joint(name).id)
-        unit = parse_unit("rad" if model.jnt_type[joint] == HINGE else "m")
-        quantity = parse_quantity(text)
+        kind = int(model.jnt_type[joint])
+        unit, quantity = HELD_UNITS[kind], parse_quantity(text)
         if quantity.dimension != unit.dimension:
-            complain(name, f"found '{text}'; allowed: a quantity in {unit} or like it")
+            is_a = f"but {name} is a {TYPE_NAMES[kind]}"
+            complain(name, f"found '{text}', {is_a}; allowed: a quantity in {unit} or like it")
             continue
         qpos[model.jnt_qposadr[joint]] = quantity.value_si
         numbers.add(joint)
