@@ -24,6 +24,7 @@ from circuitkit.base.source import (
     FileModel,
     Place,
     files_by_name,
+    path_of,
     read_yaml,
     shipped_file,
     unfilled,
@@ -265,8 +266,9 @@ def robot_path(name_or_path: str | Path) -> Path:
 
     Raises:
         UnknownNameError: There is no shipped robot of this name; lists those there are.
+        InputError: It is neither a name nor a path.
     """
-    path = Path(name_or_path)
+    path = path_of(name_or_path, FOLDER)
     if path.is_dir() and (path / FILE_NAME).is_file():
         return path / FILE_NAME
     if path.suffix or len(path.parts) != 1:

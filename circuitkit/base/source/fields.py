@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, PlainValidator, ValidationInfo, WithJsonSchema
+from pydantic import BeforeValidator, PlainSerializer, PlainValidator, ValidationInfo, WithJsonSchema
 
 from circuitkit.base.source.validation import describe
 from circuitkit.base.units import DIMENSIONLESS, Quantity, parse_quantity, parse_unit
@@ -91,9 +91,10 @@ Newtons = Annotated[float, BeforeValidator(_reader("N", "20 N")), _SCHEMA]
 MetresPerSecond = Annotated[float, BeforeValidator(_reader("m/s", "2 cm/s")), _SCHEMA]
 RadiansPerSecond = Annotated[float, BeforeValidator(_reader("rad/s", "1 deg/s")), _SCHEMA]
 NewtonMetres = Annotated[float, BeforeValidator(_reader("N*m", "14.8 N*m")), _SCHEMA]
-Stiffness = Annotated[Quantity, PlainValidator(_either("N*m/rad", "N/m", 100)), _SCHEMA]
-Damping = Annotated[Quantity, PlainValidator(_either("N*m*s/rad", "N*s/m", 3.55, zero=True)), _SCHEMA]
-Effort = Annotated[Quantity, PlainValidator(_either("N*m", "N", 14.8)), _SCHEMA]
+_IN_SI = PlainSerializer(lambda quantity: quantity.value_si, return_type=float)
+Stiffness = Annotated[Quantity, PlainValidator(_either("N*m/rad", "N/m", 100)), _IN_SI, _SCHEMA]
+Damping = Annotated[Quantity, PlainValidator(_either("N*m*s/rad", "N*s/m", 3.55, zero=True)), _IN_SI, _SCHEMA]
+Effort = Annotated[Quantity, PlainValidator(_either("N*m", "N", 14.8)), _IN_SI, _SCHEMA]
 RadiansPerMetre = Annotated[float, BeforeValidator(_reader("rad/m", "8 rad/m")), _SCHEMA]
 RadianSecondsPerMetre = Annotated[float, BeforeValidator(_reader("rad*s/m", "0.2 rad*s/m")), _SCHEMA]
 PerSecondToTheSixth = Annotated[float, BeforeValidator(_reader("1/s^6", "1e6 1/s^6")), _SCHEMA]

@@ -44,9 +44,6 @@ class Fault(Disturbance):
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:  # noqa: ARG002 - all robots
         """Change what the controller reads from the first tick of the fault to the last."""
         first, last = effects.window(self.start, self.duration, where)
-        if first >= effects.ticks:
-            message = f"the fault starts at {first * effects.step_s:g} s; allowed: before the end of the run"
-            raise InputError(Problem("", 0, 0, f"{where}.start", message))
         columns, names = effects.columns_of(self.channel, f"{where}.channel")
         effects.spans.append(
             (f"{self.channel} {self.reading}", first * effects.step_s, last * effects.step_s)
