@@ -13,8 +13,13 @@ from circuitkit.simulation.loop import run_loop
 
 
 def changed(name: str, disturbances: Iterable[Disturbance] | None = None, **fields: Any) -> Scenario:
-    """A shipped scenario with other disturbances or fields."""
+    """A shipped scenario with other disturbances or fields; what begins after a shorter run is left out."""
     loaded = load_scenario(name)
+    if "duration" in fields:
+        every = loaded.befalling if disturbances is None else disturbances
+        disturbances = [
+            each for each in every if not isinstance(each.begins, float) or each.begins < fields["duration"]
+        ]
     if disturbances is not None:
         item = type(loaded.disturbances[0])
         fields["disturbances"] = tuple(item(**{each.kind: each}) for each in disturbances)

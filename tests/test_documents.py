@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import re
 import runpy
 import shlex
@@ -105,6 +106,19 @@ def test_the_python_of_a_page_runs(page):
     write_files(text)
     for block in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
         exec(compile(block, str(page), "exec"), names)
+
+
+@pytest.mark.usefixtures("folder")
+def test_what_readme_shows_in_python_is_worth_showing(capsys):
+    """Its own controller holds through all pushes, and its own scenario starts with a lean that goes."""
+    text, names = (ROOT / "README.md").read_text(encoding="utf-8"), {"__name__": "page"}
+    for block in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        exec(compile(block, "README.md", "exec"), names)
+    assert capsys.readouterr().out.startswith("ran to the end ")
+    theirs = names["theirs"]
+    assert theirs.recording.channel("pole")[0, 0] == pytest.approx(math.radians(5), rel=0.01)
+    assert theirs.measures["way"] > 0.1
+    assert theirs.measures["lean"] < math.radians(0.5)
 
 
 @pytest.mark.parametrize("command", QUICK)

@@ -93,6 +93,19 @@ class Unit:
         numerator, denominator = value_si.as_integer_ratio()
         return numerator * self.factor.denominator / (denominator * self.factor.numerator)
 
+    def over(self, other: Unit) -> Unit:
+        """This unit divided by another one, written so that it can be read: `s` over `rad` is `s/rad`.
+
+        Every factor of the other one changes its side, for each `/` divides by one factor: the reciprocal of
+        `rad/s` is `s/rad`.
+        """
+        below = ((factor, "/" if sign == "*" else "*") for factor, sign in _factors(other.symbol))
+        factors = [*_factors(self.symbol), *below]
+        above = "*".join(factor for factor, sign in factors if sign == "*" and factor != "1")
+        under = "".join(f"/{factor}" for factor, sign in factors if sign == "/" and factor != "1")
+        dimension = self.dimension.times(other.dimension, -1)
+        return Unit(above + under or "1", self.factor / other.factor, dimension)
+
     def __str__(self) -> str:
         return self.symbol
 
@@ -192,7 +205,7 @@ _TYPOGRAPHY = str.maketrans(
 _FACTOR = re.compile(r"(?P<symbol>[A-Za-z%]+|1)(?:\^(?P<power>-?\d))?")
 _NUMBER = re.compile(
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?)"
-    r"(?:\s+(?P<quotient>1(?:/.*)?)|\s*(?P<unit>[^\d.,_:\s].*))?"
+    r"(?:\s+(?P<quotient>1(?:[*/].*)?)|\s*(?P<unit>[^\d.,_:\s].*))?"
 )
 _MAX_LENGTH = 80
 
@@ -216,13 +229,18 @@ def parse_unit(text: str) -> Unit:
         message = f"found '{text[:_MAX_LENGTH]}'; allowed: a unit such as 'mm' or '1'"
         raise UnitError(message)
     factor, dimension = Fraction(1), Dimension()
-    pieces = re.split(r"([*/])", f"1{compact}" if compact.startswith("/") else compact)
-    for sign, piece in zip(["*", *pieces[1::2]], pieces[::2], strict=True):
+    for piece, sign in _factors(compact):
         part_factor, part_dimension, power = _parse_factor(piece, text)
         power = -power if sign == "/" else power
         factor *= part_factor**power
         dimension = dimension.times(part_dimension, power)
     return Unit(compact, factor, dimension)
+
+
+def _factors(symbol: str) -> list[tuple[str, str]]:
+    """The factors of a unit's symbol, each with `*` or `/` before it: `/m` is 1 / m."""
+    pieces = re.split(r"([*/])", f"1{symbol}" if symbol.startswith("/") else symbol)
+    return list(zip(pieces[::2], ["*", *pieces[1::2]], strict=True))
 
 
 def _parse_factor(piece: str, whole: str) -> tuple[Fraction, Dimension, int]:

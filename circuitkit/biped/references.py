@@ -83,6 +83,14 @@ class GaitReference(Reference):
         support = int(_schedule(self.gait, tick + 1).support[tick])
         return Moment(time_s, _directions(support) if support >= 0 else {})
 
+    def require(self, robot: RobotModel) -> None:
+        """Refuse a robot that is no biped.
+
+        Raises:
+            InputError: It is none.
+        """
+        biped_of(robot)
+
     def motion(self, robot: RobotModel, ticks: int, step_s: float) -> Motion:
         """A walk that is right for this robot's whole body, and what to send to its servos.
 
@@ -131,6 +139,14 @@ class StandReference(Reference):
     def read(cls, value: StandSpec, beside: Document) -> StandReference:  # noqa: ARG003 - names no file
         """Take the numbers."""
         return cls(value)
+
+    def require(self, robot: RobotModel) -> None:
+        """Refuse a robot that is no biped.
+
+        Raises:
+            InputError: It is none.
+        """
+        biped_of(robot)
 
     def motion(self, robot: RobotModel, ticks: int, step_s: float) -> Motion:  # noqa: ARG002 - has its own
         """The posture that stands.

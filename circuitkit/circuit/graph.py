@@ -166,6 +166,7 @@ class Synapse:
         initial: Start of every state of the model, [SI].
         delay_s: Age of the source's output that arrives, beyond what the timing makes it, [s].
         gate: Name of the neuron (or member) whose output the model calls `gate`; empty for none.
+        weight_unit: The unit in which the weight was written; None if it was made of several.
         origin: Where it is declared.
     """
 
@@ -178,6 +179,7 @@ class Synapse:
     initial: Mapping[str, float] = field(default_factory=dict)
     delay_s: float = 0.0
     gate: str = ""
+    weight_unit: Unit | None = field(default=None, compare=False)
     origin: Origin = field(default=NO_ORIGIN, compare=False)
 
 
@@ -200,6 +202,7 @@ class Projection:
         initial: As the parameters.
         delay_s: As a synapse's.
         gate: As a synapse's.
+        weight_unit: As a synapse's.
         origin: Where it is declared.
     """
 
@@ -214,6 +217,7 @@ class Projection:
     initial: Mapping[str, PerMember] = field(default_factory=dict)
     delay_s: float = 0.0
     gate: str = ""
+    weight_unit: Unit | None = field(default=None, compare=False)
     origin: Origin = field(default=NO_ORIGIN, compare=False)
 
     def __eq__(self, other: object) -> bool:

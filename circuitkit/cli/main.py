@@ -38,8 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     debug = "--debug" in words  # accepted before and after the name of the command
     try:
         code = _run_command([word for word in words if word != "--debug"])
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interruption:
         code = INTERRUPTED
+        if kept := str(interruption):  # what is there, and how to go on
+            print(kept, file=sys.stderr)
     except BrokenPipeError:
         code = PIPE_CLOSED
     except Exception as error:  # the last resort of a command line: no traceback reaches a user
@@ -66,6 +68,11 @@ def _run_command(words: list[str]) -> int:
     except SystemExit as ending:
         if isinstance(ending.__context__, BrokenPipeError):
             return PIPE_CLOSED
+        cause = ending.__context__
+        while cause is not None and not isinstance(cause, KeyboardInterrupt):
+            cause = cause.__cause__ or cause.__context__
+        if cause is not None:  # it may say what is kept
+            raise cause from None
         return ending.code if isinstance(ending.code, int) else DONE
     return DONE
 

@@ -100,18 +100,9 @@ def sweep(
         return
     axes = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
     loaded.require_axes(axes or ())
-    try:
-        results = run_sweep(
-            loaded,
-            output or Path(),
-            workers=workers,
-            resume=resume,
-            scheduler=scheduler,
-            batch=batch,
-        )
-    except KeyboardInterrupt as interruption:
-        note(str(interruption))
-        raise
+    results = run_sweep(
+        loaded, output or Path(), workers=workers, resume=resume, scheduler=scheduler, batch=batch
+    )
     if as_json:
         print_json(_as_data(results, output, axes))
         return

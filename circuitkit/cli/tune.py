@@ -104,7 +104,7 @@ def tune(
         _print(tuning, tuned)
         note(f"wrote {tuned.path}")
     if tuned.history.interrupted:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(tuned.kept)
 
 
 def _print(tuning: Tuning, tuned: Tuned) -> None:

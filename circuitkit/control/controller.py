@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from circuitkit.base.errors import InputError, Problem
+from circuitkit.base.source import describe
 from circuitkit.base.units import Unit
 
 Array: TypeAlias = NDArray[np.float64]
@@ -77,6 +79,83 @@ class Controller(Protocol):
         Returns:
             Shape (B, m), SI units.
         """
+
+
+PROTOCOL = (
+    "a controller is an object with name, observations and commands (lists of names), reset(robots), and "
+    "step(observation), which takes an array of shape (robots, observations) and returns one of shape "
+    "(robots, commands)"
+)
+_NAMES = ("observations", "commands")
+_CALLED = ("reset", "step")
+
+
+def require_instance(given: object) -> None:
+    """Refuse a class in the place of an object of it, before anything of it is asked.
+
+    Raises:
+        InputError: It is one.
+    """
+    if isinstance(given, type):
+        raise InputError(_problem(given, f"an object of it, such as {given.__name__}()"))
+
+
+def require_controller(given: object) -> Controller:
+    """Refuse what is no controller; the shape of its commands is seen in the first tick, by `checked_step`.
+
+    Args:
+        given: What shall control a run.
+
+    Raises:
+        InputError: It lacks something of the protocol, or has something else in its place; lists all that is
+            wrong.
+    """
+    require_instance(given)
+    missing = [key for key in ("name", *_NAMES, *_CALLED) if not hasattr(given, key)]
+    problems = []
+    if missing:
+        allowed = "the name of a controller, a path, or an object with all of these"
+        problems.append(_problem(given, allowed, without=missing))
+    for key in _NAMES:
+        found = getattr(given, key, ())
+        example = f"('{found}',)" if isinstance(found, str) else "('yaw', 'speed')"
+        if not isinstance(found, list | tuple):
+            problems.append(_problem(found, f"a tuple of names, such as {example}", key))
+        elif strange := [each for each in found if not isinstance(each, str)]:
+            problems.append(_problem(strange[0], f"a tuple of names, such as {example}", key))
+    called = (key for key in _CALLED if key not in missing and not callable(getattr(given, key)))
+    problems += [_problem(getattr(given, key), "a method", key) for key in called]
+    if not isinstance(name := getattr(given, "name", ""), str):
+        problems.append(_problem(name, "a text", "name"))
+    if problems:
+        raise InputError(*problems)
+    made: Controller = given  # type: ignore[assignment]  # it has all that the protocol asks for
+    return made
+
+
+def checked_step(controller: Controller, batch: int) -> Callable[[Array], Array]:
+    """The controller's `step`, which refuses commands that are no array of shape (B, m).
+
+    Args:
+        controller: The controller.
+        batch: B.
+    """
+    wanted = (batch, len(controller.commands))
+    allowed = f"an array of numbers of shape {wanted}, a row for each robot and a column for each command"
+
+    def step(observation: Array) -> Array:
+        found = controller.step(observation)
+        if not isinstance(found, np.ndarray) or found.shape != wanted or found.dtype.kind not in "fiu":
+            raise InputError(_problem(found, allowed, "step"))
+        return found
+
+    return step
+
+
+def _problem(found: object, allowed: str, key: str = "", without: Sequence[str] = ()) -> Problem:
+    lacking = f" without {', '.join(without)}" if without else ""
+    message = f"found {describe(found)}{lacking}; allowed: {allowed}"
+    return Problem("", 0, 0, f"controller.{key}".rstrip("."), message, PROTOCOL)
 
 
 class OpenLoop:

@@ -17,6 +17,7 @@ from circuitkit.base.source import (
     Document,
     FileModel,
     find_data_file,
+    path_of,
     read_yaml,
     shipped_names,
     validate_model,
@@ -91,7 +92,7 @@ def load_controller(name_or_path: str | Path, changes: Mapping[str, Data] | None
         UnknownNameError: There is no shipped one of this name; lists those there are.
         InputError: It cannot be read; says where and why.
     """
-    path = Path(name_or_path)
+    path = path_of(name_or_path, Path(FOLDER).name)
     names = shipped_controllers()
     if not path.suffix and len(path.parts) == 1 and not path.is_file() and path.name not in names:
         kind = "controller"

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from circuitkit.base.errors import UnitError
-from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
+from circuitkit.base.units import DIMENSIONLESS, Unit
 from circuitkit.circuit.graph import (
     CircuitGraph,
     InputNode,
@@ -221,11 +220,13 @@ class _Endpoints:
         return node.size if isinstance(node, Population) else _SINGLE
 
     def weight(self, edge: Synapse | Projection, weights: PerMember) -> str:
-        """Return weights as text."""
+        """Return weights as text, in the unit in which the file has the first of them."""
         source = self._inputs.get(node_of(edge.source))
         above = self._neurons[node_of(edge.target)].activation_unit
         below = DIMENSIONLESS if source is None else source.unit
         dimension = edge.model.weight.dimension(above.dimension, below.dimension)
+        if edge.weight_unit is not None and edge.weight_unit.dimension == dimension:
+            return quantity_text(weights, edge.weight_unit)
         if dimension == above.dimension.times(below.dimension, -1):
             return weight_text(weights, above, below)
         return quantity_text(weights, dimension.si_unit)
@@ -278,7 +279,7 @@ def parameter_texts(node: Neuron | Population) -> list[str]:
 
 def quantity_text(value_si: PerMember, unit: Unit) -> str:
     """Return SI values in a unit, as one prints them: `-80 mm`, `0.1 /mm`, `7`, `0 to 3 mm`."""
-    symbol = unit.symbol.removeprefix("1")
+    symbol = unit.symbol if unit.symbol.startswith("1*") else unit.symbol.removeprefix("1")
     shown = _span_text(value_si, unit)
     return f"{shown} {symbol}" if symbol else shown
 
@@ -296,10 +297,7 @@ def weight_text(weight_si: PerMember, target: Unit, source: Unit) -> str:
     """Return a weight in the unit of its target over the unit of its source, such as `-2 mm/N`."""
     if source.dimension == target.dimension:
         return quantity_text(weight_si, DIMENSIONLESS)
-    above = "" if target.symbol == "1" else target.symbol
-    below = "" if source.symbol == "1" else f"/{source.symbol}"
-    quotient = Unit(f"{above}{below}", target.factor / source.factor, target.dimension)
-    return quantity_text(weight_si, quotient)
+    return quantity_text(weight_si, target.over(source))
 
 
 def rule_text(projection: Projection, n_source: int, n_target: int) -> str:
@@ -322,12 +320,9 @@ def rule_text(projection: Projection, n_source: int, n_target: int) -> str:
 
 
 def _unit(rule: UnitRule, activation: Unit) -> Unit:
-    """Return the unit of a rule: made of the activation's unit where that can be written, else in SI."""
+    """Return the unit of a rule: made of the activation's unit where that is possible, else in SI."""
     dimension = rule.dimension(activation.dimension)
     if dimension == activation.dimension:
         return activation
-    try:
-        reciprocal = parse_unit(f"/{activation}") if activation != DIMENSIONLESS else DIMENSIONLESS
-    except UnitError:
-        reciprocal = dimension.si_unit
+    reciprocal = DIMENSIONLESS.over(activation)
     return reciprocal if reciprocal.dimension == dimension else dimension.si_unit

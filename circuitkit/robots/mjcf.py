@@ -17,6 +17,7 @@ import mujoco
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.patterns import matches
+from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.robots.spec import Robot, Servo
 
 HINGE, SLIDE, FREE = (
@@ -105,6 +106,16 @@ def _tell(path: str, text: str) -> None:
     _LOG.warning("%s: MuJoCo says: %s", path, text)
 
 
+# Units of a servo's numbers, and of what a joint is held at, by the joint's type.
+SERVO_UNITS: Mapping[int, Mapping[str, Unit]] = {
+    kind: {key: parse_unit(text) for key, text in units.items()}
+    for kind, units in {
+        HINGE: {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "torque": "N*m"},
+        SLIDE: {"stiffness": "N/m", "damping": "N*s/m", "torque": "N"},
+    }.items()
+}
+HELD_UNITS: Mapping[int, Unit] = {HINGE: parse_unit("rad"), SLIDE: parse_unit("m")}
+TYPE_NAMES: Mapping[int, str] = {HINGE: "hinge", SLIDE: "slide"}
 _TURNING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 OF_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _OFF = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -140,36 +151,52 @@ def add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, floa
     for sensor in mj.sensors:
         if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR and sensor.objname in target_of:
             sensor.objname = names[target_of[sensor.objname]]
-    return {joint: servo.stiffness for joint, servo in chosen.items()}
+    return {joint: servo.stiffness.value_si for joint, servo in chosen.items()}
 
 
 def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:  # noqa: ANN401 - as above
     """The servo of each joint that gets one."""
     wanted = robot.servos_in_use
-    names = [joint.name for joint in mj.joints if joint.type in _TURNING]
-    chosen = {}
-    for name in names:
-        servo = next((each for each in wanted if any(matches(name, p) for p in each.joints)), None)
-        if servo is not None:
-            chosen[name] = servo
+    kinds = {joint.name: int(joint.type) for joint in mj.joints if joint.type in _TURNING}
+    names = list(kinds)
+    profile = robot.servo_profile or next(iter(robot.servos), "")
+    within = ("servos", profile) if isinstance(robot.servos, Mapping) else ("servos",)
+    chosen: dict[str, Servo] = {}
+    for i, servo in enumerate(wanted):
+        mine = [n for n in names if n not in chosen and any(matches(n, p) for p in servo.joints)]
+        chosen |= dict.fromkeys(mine, servo)
+        for key, message in _misfits(servo, {name: kinds[name] for name in mine}):
+            problems.append(robot.problem((*within, i, key), message))
     for i, servo in enumerate(wanted):
         for pattern in servo.joints:
             if not any(matches(name, pattern) for name in names):
-                where = (
-                    ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
-                )
+                where = (*within, i)
                 message = (
                     f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern "
                     "with *"
                 )
                 problems.append(robot.problem((*where, "joints"), message, suggest(pattern, names)))
-    return chosen
+    return {name: chosen[name] for name in names if name in chosen}
+
+
+def _misfits(servo: Servo, kinds: Mapping[str, int]) -> Iterator[tuple[str, str]]:
+    """The numbers of a servo whose unit is that of another type of joint, each once, and what is wrong."""
+    for key in ("stiffness", "damping", "torque"):
+        found = getattr(servo, key)
+        for name, kind in kinds.items():
+            unit = SERVO_UNITS[kind][key]
+            if found.unit != DIMENSIONLESS and found.dimension != unit.dimension:
+                yield (
+                    key,
+                    f"found '{found}', but {name} is a {TYPE_NAMES[kind]}; allowed: a quantity in {unit}",
+                )
+                break
 
 
 def _add_servo(mj: Any, name: str, joint: str, servo: Servo) -> None:  # noqa: ANN401 - as above
     """Add a servo that is what the robot file says, whatever the MJCF's defaults for actuators are."""
     actuator = mj.add_actuator(name=name, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
+    actuator.set_to_position(kp=servo.stiffness.value_si, kv=servo.damping.value_si)
     actuator.gear = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     actuator.ctrllimited = actuator.actlimited = _OFF
     actuator.ctrlrange = actuator.actrange = [0.0, 0.0]
@@ -178,7 +205,7 @@ def _add_servo(mj: Any, name: str, joint: str, servo: Servo) -> None:  # noqa: A
     actuator.damping = [0.0, 0.0, 0.0]
     actuator.nsample = 0
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
-    actuator.forcerange = [-servo.torque, servo.torque]
+    actuator.forcerange = [-servo.torque.value_si, servo.torque.value_si]
 
 
 def _keep_controls(

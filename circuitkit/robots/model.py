@@ -25,9 +25,11 @@ from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
 from circuitkit.robots.mjcf import (
     FREE,
+    HELD_UNITS,
     HINGE,
     OF_JOINT,
     SLIDE,
+    TYPE_NAMES,
     add_servos,
     compile_mjcf,
     flex_bodies,
@@ -417,6 +419,14 @@ def _key_names(model: mujoco.MjModel) -> list[str]:
     return [model.key(i).name for i in range(model.nkey)]
 
 
+def no_keyframe(name: str, keys: Sequence[str]) -> tuple[str, str]:
+    """What is wrong with the name of a keyframe that is not there, and what to do."""
+    if keys:
+        return f"the MJCF has no keyframe '{name}'; allowed: {listing(keys)}", suggest(name, keys)
+    message = f"found '{name}', but the MJCF has no keyframes; allowed: no key"
+    return message, "hold, such as hold: {JOINT: 10 deg}, puts joints where they start"
+
+
 def _start(
     robot: Robot, model: mujoco.MjModel, servos: Mapping[str, float], problems: list[Problem]
 ) -> tuple[Array, Array, StartState]:
@@ -428,8 +438,7 @@ def _start(
             qpos, ctrl = model.key(robot.key).qpos.copy(), model.key(robot.key).ctrl.copy()
             start = start_state(model, robot.key)
         else:
-            message = f"the MJCF has no keyframe '{robot.key}'; allowed: {listing(keys)}"
-            problems.append(robot.problem(("key",), message, suggest(robot.key, keys)))
+            problems.append(robot.problem(("key",), *no_keyframe(robot.key, keys)))
     _aim(model, {int(model.joint(name).id) for name in servos}, qpos, ctrl, start.act)
     hold_joints(
         model, robot.hold, qpos, ctrl, start.act,
@@ -542,10 +551,11 @@ def hold_joints(
             )
             continue
         joint = int(model.joint(name).id)
-        unit = parse_unit("rad" if model.jnt_type[joint] == HINGE else "m")
-        quantity = parse_quantity(text)
+        kind = int(model.jnt_type[joint])
+        unit, quantity = HELD_UNITS[kind], parse_quantity(text)
         if quantity.dimension != unit.dimension:
-            complain(name, f"found '{text}'; allowed: a quantity in {unit} or like it")
+            is_a = f"but {name} is a {TYPE_NAMES[kind]}"
+            complain(name, f"found '{text}', {is_a}; allowed: a quantity in {unit} or like it")
             continue
         qpos[model.jnt_qposadr[joint]] = quantity.value_si
         numbers[joint] = name

@@ -24,12 +24,13 @@ from circuitkit.base.source import (
     FileModel,
     Place,
     files_by_name,
+    path_of,
     read_yaml,
     shipped_file,
     unfilled,
     validate_model,
 )
-from circuitkit.base.source.fields import AnyQuantity, Damping, NewtonMetres, Seconds, Stiffness
+from circuitkit.base.source.fields import AnyQuantity, Damping, Effort, Seconds, Stiffness
 from circuitkit.base.units import parse_quantity, parse_unit
 
 FOLDER = "robots"
@@ -121,14 +122,17 @@ class CommandSpec(_WithUnit):
 
 
 class Servo(FileModel):
-    """A position servo: torque = stiffness (target - angle) - damping * velocity, within +- torque."""
+    """A position servo: torque = stiffness (target - angle) - damping * velocity, within +- torque.
+
+    Of a slide all this is a force, a position and their units.
+    """
 
     joints: tuple[str, ...] = Field(
         min_length=1, description="Names of joints, or beginnings or ends with a *."
     )
-    stiffness: Stiffness = Field(gt=0)
-    damping: Damping = Field(ge=0)
-    torque: NewtonMetres = Field(gt=0, description="Largest torque.")
+    stiffness: Stiffness = Field(description="In N*m/rad, of a slide in N/m.")
+    damping: Damping = Field(description="In N*m*s/rad, of a slide in N*s/m.")
+    torque: Effort = Field(description="Largest torque in N*m, of a slide the largest force in N.")
 
 
 class RobotBlock(Protocol):
@@ -273,8 +277,9 @@ def robot_path(name_or_path: str | Path) -> Path:
 
     Raises:
         UnknownNameError: There is no shipped robot of this name; lists those there are.
+        InputError: It is neither a name nor a path.
     """
-    path = Path(name_or_path)
+    path = path_of(name_or_path, FOLDER)
     if path.is_dir() and (path / FILE_NAME).is_file():
         return path / FILE_NAME
     if path.suffix or len(path.parts) != 1:

@@ -13,7 +13,7 @@ import numpy as np
 from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.files import write_text
 from circuitkit.circuit.expressions.parsing import parse_expression
-from circuitkit.robots.mjcf import HINGE, SLIDE, compile_mjcf, flex_bodies, read_mjcf
+from circuitkit.robots.mjcf import HINGE, SERVO_UNITS, SLIDE, compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.model import drives_position, not_for_commands
 from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
 from circuitkit.robots.spec import RESERVED
@@ -22,6 +22,7 @@ _NO_WORD = re.compile(r"\W+")
 _PLAIN = re.compile(r"[A-Za-z_/][\w.\-/]*")
 _YAML_WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
 _TAKEN = frozenset({"t", "ended"})  # of measures
+_SERVO = {"stiffness": 100, "damping": 3, "torque": 10}  # a start, in the units of the joint
 _SHOWN_COMPONENTS = 6  # further numbers of a sensor, such as a skin's, are comments
 
 
@@ -129,10 +130,12 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
         yield f"#   {_key(name)}: {shown}"
     of_joint = [int(t) == int(mujoco.mjtTrn.mjTRN_JOINT) for t in model.actuator_trntype]
     driven = {int(model.actuator_trnid[i, 0]) for i in range(model.nactuator) if of_joint[i]}
-    names = [_key(name) for name, j, _ in moving if j in driven] or [_key(name) for name, _, _ in moving]
+    wanted = [each for each in moving if each[1] in driven] or moving
     yield "# servos:                  # position servos in the place of the MJCF's actuators of these joints"
-    numbers = "stiffness: 100 N*m/rad, damping: 3 N*m*s/rad, torque: 10 N*m"
-    yield f"#   - {{joints: [{', '.join(names)}], {numbers}}}"
+    for kind, units in SERVO_UNITS.items():
+        if names := [_key(name) for name, _, each in wanted if each == kind]:
+            numbers = ", ".join(f"{key}: {_SERVO[key]} {unit}" for key, unit in units.items())
+            yield f"#   - {{joints: [{', '.join(names)}], {numbers}}}"
 
 
 def _channels(model: mujoco.MjModel, taken: set[str]) -> Iterator[str]:

@@ -78,6 +78,11 @@ class Disturbance(FileModel):
         """Whether `change` does something."""
         return False
 
+    @property
+    def begins(self) -> Any:  # noqa: ANN401 - seconds, or a mapping
+        """When it begins: seconds, or a moment in the words of the reference; None for the whole run."""
+        return getattr(self, "start", None)
+
     def first_tick(self, effects: Effects, robot: int, where: str) -> int:  # noqa: ARG002 - for others
         """From which tick on a robot may do otherwise than one that it does not befall; 0 if not known.
 
@@ -317,21 +322,31 @@ class Effects:
         """When something starts.
 
         Raises:
-            InputError: There is no such moment.
+            InputError: There is no such moment before the end of the run.
         """
+        end_s = self.ticks * self.step_s
         try:
             if isinstance(start, Mapping):
-                return self.reference.moment(start, self.ticks * self.step_s)
+                return self.reference.moment(start, end_s)
+            require_before(float(start), end_s)
             return self.reference.at(float(start))
         except InputError as error:
             problems = (_placed(each, f"{where}.{each.where or 'start'}") for each in error.problems)
             raise InputError(*problems) from error
 
     def window(self, start: Any, duration: float | None, where: str) -> tuple[int, int]:  # noqa: ANN401 - as above
-        """First tick and one past the last tick of something; to the end without a duration."""
+        """First tick and one past the last tick of something; to the end without a duration.
+
+        Raises:
+            InputError: It begins at no moment before the end, or is over before the first tick.
+        """
         begin = self.moment(start, where).time_s
-        first = round(begin / self.step_s)
+        first = min(round(begin / self.step_s), self.ticks - 1)
         last = self.ticks if duration is None else round((begin + duration) / self.step_s)
+        if last <= first:
+            message = f"found {duration:g} s, which no control step of {self.step_s:g} s falls into"
+            allowed = "as long as a control step, or longer"
+            raise InputError(Problem("", 0, 0, f"{where}.duration", f"{message}; allowed: {allowed}"))
         return first, min(last, self.ticks)
 
     def columns_of(self, pattern: str, where: str) -> tuple[list[int], list[str]]:
@@ -412,6 +427,17 @@ class Effects:
         }
 
 
+def require_before(start_s: float, end_s: float) -> None:
+    """Refuse what begins when the run is over.
+
+    Raises:
+        InputError: It does.
+    """
+    if start_s >= end_s - 1e-9:
+        message = f"found {start_s:g} s, and the run ends at {end_s:g} s; allowed: a start before the end"
+        raise InputError(Problem("", 0, 0, "start", message, "or a longer duration of the run"))
+
+
 @contextmanager
 def placed(where: str) -> Iterator[None]:
     """Give a complaint about an unknown name the place in the scenario where the name stands."""
@@ -485,5 +511,5 @@ def _require_the_same(first: list[Disturbance], other: list[Disturbance]) -> Non
 
 __all__ = [
     "DISTURBANCES", "BodyForce", "Disturbance", "Effects", "Hook", "Lever", "Mask", "RunSpec", "Start",
-    "draw_effects", "item_class", "placed",
+    "draw_effects", "item_class", "placed", "require_before",
 ]  # fmt: skip

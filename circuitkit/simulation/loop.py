@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.circuit import CircuitGraph
-from circuitkit.control import Array, Controller
+from circuitkit.control import Array, Controller, checked_step
 from circuitkit.robots import Channel, Observer, RobotModel, Worlds
 from circuitkit.simulation.disturbance import Effects, Hook, RunSpec
 from circuitkit.simulation.measures import Judge, Tracker
@@ -220,12 +221,13 @@ def _ticks(
     """
     starts = _CommonStarts(setup, worlds)
     sense, controller = _Senses(setup, worlds), setup.controller
-    control, advance = controller.step, worlds.advance
+    steps = chain((checked_step(controller, worlds.batch),), repeat(controller.step))
+    advance = worlds.advance
     store = getattr(controller, "store_trace", None) if setup.trace_names else None
     reads = bool(controller.observations)
     on_worlds, on_commands = setup.effects.on_worlds, setup.effects.on_commands
     watch = _Watch(setup, worlds, rows, tracker, to_the_end=to_the_end)
-    for tick in range(setup.ticks):
+    for tick, control in zip(range(setup.ticks), steps, strict=False):  # the steps have no end
         row = tick % rows.length
         observation = rows.observations[row]
         if reads:

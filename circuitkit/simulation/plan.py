@@ -19,6 +19,8 @@ from circuitkit.control import (
     Interface,
     OpenLoop,
     load_controller,
+    require_controller,
+    require_instance,
     shipped_controllers,
 )
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
@@ -128,10 +130,11 @@ class Plan:
         if isinstance(chosen, str | Path):
             with self.scenario.located("controller") if given is None else nullcontext():
                 chosen = self._named(str(chosen))
+        require_instance(chosen)
         bind = getattr(chosen, "bind", None)
         with self.scenario.located(""):
-            made: Controller = chosen if bind is None else bind(self.interface)
-        return made
+            made = chosen if bind is None else bind(self.interface)
+        return require_controller(made)
 
     def _named(self, name: str) -> Any:  # noqa: ANN401 - an object with `bind`
         if name == OPEN_LOOP:
@@ -170,6 +173,10 @@ class Plan:
         }
         self._require_that_it_comes(formulas[SURVIVED])
         until = self.scenario.until
+        if not formulas["survived"].is_condition:
+            text = self.scenario.formulas["survived"]
+            message = f"found '{text}', a number; allowed: a condition, such as max(speed) < 2 m/s"
+            raise InputError(self.scenario.problem_in("measures", "survived", message, 0))
         ends = None if until is None else _formula(self.scenario, ("until", ""), until, units, bounded)
         if ends is not None and not ends.is_condition:
             message = f"found '{until}'; allowed: a condition, such as height < 0.2 m"
@@ -301,6 +308,8 @@ def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | 
         if ticks == 0:
             message = f"found {scenario.duration:g} s; allowed: a control step of {step_s:g} s, or more"
             raise InputError(Problem("", 0, 0, "duration", message))
+    with scenario.located("reference"):
+        reference.require(robot)
     with scenario.located("control_step"):
         substeps_of(robot, step_s)
     with scenario.located("reference"):

@@ -97,6 +97,16 @@ class Reference:
         """
         return cls()
 
+    def require(self, robot: RobotModel) -> None:
+        """See whether the robot is one that it can be for, before anything else is compared.
+
+        Args:
+            robot: The robot as it is known.
+
+        Raises:
+            InputError: It is not.
+        """
+
     def moment(self, where: Mapping[str, Any], duration_s: float) -> Moment:  # noqa: ARG002 - for others
         """A moment by the reference's own words.
 

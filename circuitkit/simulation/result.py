@@ -31,6 +31,7 @@ class Result:
         path: Where the recording was written; None if nowhere.
         notes: What was asked for and could not be had, such as a film where nothing can draw one.
         backend: Which backend ran the circuit, and why that one; empty without a circuit.
+        interrupted: Whether Ctrl-C came when the run was done, so that something, such as a film, is missing.
     """
 
     scenario: Scenario
@@ -39,6 +40,7 @@ class Result:
     path: Path | None = None
     notes: tuple[str, ...] = ()
     backend: str = ""
+    interrupted: bool = False
 
     @property
     def survived(self) -> bool:
@@ -117,7 +119,7 @@ class Result:
                 "pushes": len(self.pushes),
             },
             **self.measures,
-            "interrupted": self.recording.interrupted,
+            "interrupted": self.interrupted or self.recording.interrupted,
             "notes": list(self.notes),
             "recording": None if self.path is None else str(self.path),
         }

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from circuitkit.base.errors import InputError, MissingDependencyError, Problem
 from circuitkit.base.progress import progress_bar
+from circuitkit.base.source import describe
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Controller
 from circuitkit.robots import Robot, load_robot
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import Setup, run_loop
-from circuitkit.simulation.plan import CIRCUIT, Plan, make_plan
+from circuitkit.simulation.plan import CIRCUIT, OPEN_LOOP, Plan, make_plan
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.renderer import RendererError
 from circuitkit.simulation.result import Result
-from circuitkit.simulation.scenario import Scenario, load_scenario, parse_push, with_push
+from circuitkit.simulation.scenario import Scenario, load_scenario, misfit, parse_push, with_push
 from circuitkit.simulation.viewer import DisplayError, watch
 
 
@@ -56,13 +59,14 @@ def simulate(
         InputError: A file is wrong, or names what is not there.
         OutputError: A file cannot be written.
     """
+    _require_arguments(scenario, robot, circuit, settings, push, seed)
     loaded = _loaded(scenario, robot)
     plan = make_plan(loaded, circuit, settings, backend)
     given = controller if controller is not None or circuit is None else CIRCUIT
     result = _run(plan, plan.controller(given), push, seed, output, progress=progress)
     if video and output is not None:
         result = _with_film([result], Path(output) / "video.mp4", progress=progress)
-    return _shown(result) if view else result
+    return _shown(result) if view and not result.interrupted else result
 
 
 def compare(
@@ -98,6 +102,10 @@ def compare(
         InputError: A file is wrong, or names what is not there.
         OutputError: A file cannot be written.
     """
+    _require_arguments(scenario, robot, circuit, settings, push, seed)
+    if isinstance(controllers, str | Path) or not isinstance(controllers, Iterable):
+        message = f"found {describe(controllers)}; allowed: a list, such as ['{OPEN_LOOP}', '{CIRCUIT}']"
+        raise InputError(Problem("", 0, 0, "controllers", message))
     loaded = _loaded(scenario, robot)
     plan = make_plan(loaded, circuit, settings, backend)
     bound = [plan.controller(each) for each in controllers]
@@ -117,6 +125,36 @@ def compare(
     if video and output is not None:
         results[-1] = _with_film(results, Path(output) / "video.mp4", progress=progress)
     return results
+
+
+_PUSH = "a text, such as '20N,200ms,left'; a Push goes into the disturbances of a Scenario"
+_ARGUMENTS: Mapping[str, tuple[tuple[type, ...], str]] = {
+    "scenario": ((str, Path, Scenario), "the name of a scenario, a path, or a Scenario"),
+    "settings": ((Mapping, type(None)), "values by name, such as {'w': '2 deg'}"),
+    "push": ((str, type(None)), _PUSH),
+    "seed": ((int, np.integer, type(None)), "a whole number"),
+}
+
+
+def _require_arguments(
+    scenario: object, robot: object, circuit: object, settings: object, push: object, seed: object
+) -> None:
+    """Refuse objects in the place of others.
+
+    Raises:
+        InputError: With everything that is wrong.
+    """
+    given = {"scenario": scenario, "settings": settings, "push": push, "seed": seed}
+    wrong = {
+        key: f"found {describe(value)}; allowed: {_ARGUMENTS[key][1]}"
+        for key, value in given.items()
+        if not isinstance(value, _ARGUMENTS[key][0])
+    }
+    for key, value in (("robot", robot), ("circuit", circuit)):
+        if value is not None and (complaint := misfit(key, value)):
+            wrong[key] = complaint
+    if wrong:
+        raise InputError(*(Problem("", 0, 0, key, message) for key, message in wrong.items()))
 
 
 def _loaded(scenario: Scenario | str | Path, robot: Robot | str | Path | None) -> Scenario:
@@ -190,13 +228,19 @@ def _unstable(recording: Recording) -> tuple[str, ...]:
 
 
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:
-    """Film the runs side by side; the last result, with a note if nothing here can make a film."""
+    """Film the runs side by side; the last result, with a note if there is no film.
+
+    Nothing here may be able to make one; or Ctrl-C came, and then the recording and the plots are there.
+    """
     from circuitkit.simulation.film import film  # 0.2 s, for matplotlib
 
     try:
         film(results, path, progress=progress)
     except (RendererError, MissingDependencyError) as error:
         return replace(results[-1], notes=(*results[-1].notes, f"no film: {error}"))
+    except KeyboardInterrupt:
+        note = f"no film: interrupted before '{path}' was whole; the recording and the plots are there"
+        return replace(results[-1], notes=(*results[-1].notes, note), interrupted=True)
     return results[-1]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -138,7 +138,7 @@ class _TakesObjects(type(FileModel)):  # type: ignore[misc]  # pydantic's metacl
     def __call__(cls, **data: Any) -> Any:  # noqa: ANN401 - the fields
         """Make a scenario that knows all registered kinds."""
         made = scenario_class() if cls is Scenario else cls
-        given = {key: _as_file(value) for key, value in data.items()}
+        given = {k: v if isinstance(v, Disturbance) else _as_file(v) for k, v in data.items()}
         reference = given.get("reference")
         if isinstance(reference, Reference):
             given.pop("reference")
@@ -166,6 +166,13 @@ _TAKEN: Mapping[
     "circuit": ((str, Path, CircuitGraph, type(None)), "the name of a circuit, a path, or a CircuitGraph"),
     "controller": ((), "a name, a path, or a Controller"),
 }
+
+
+def misfit(key: str, value: object) -> str:
+    """What is wrong with a value in the place of a robot, a circuit or a controller; empty if nothing is."""
+    kinds, allowed = _TAKEN[key]
+    fits = isinstance(value, kinds) if kinds else not isinstance(value, int | float | dict | list)
+    return "" if fits else f"found {describe(value)}; allowed: {allowed}"
 
 
 class Scenario(FileModel, metaclass=_TakesObjects):
@@ -220,12 +227,8 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     @classmethod
     def _takes(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - text or an object
         key = str(info.field_name)
-        kinds, allowed = _TAKEN[key]
-        fits = isinstance(value, kinds) if kinds else not isinstance(value, int | float | dict | list)
-        if not fits:
-            plain = isinstance(value, int | float | dict | list | type(None))
-            message = f"found {describe(value) if plain else repr(value)}; allowed: {allowed}"
-            raise ValueError(message)
+        if complaint := misfit(key, value):
+            raise ValueError(complaint)
         return value
 
     @property
@@ -265,7 +268,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         with self.located(f"reference.{kind}"):
             return REFERENCES[kind].read(getattr(self.reference, kind), self._document)
 
-    def with_disturbances(self, disturbances: tuple[Disturbance, ...]) -> Scenario:
+    def with_disturbances(self, disturbances: Iterable[Disturbance]) -> Scenario:
         """The same scenario with others."""
         item = item_class()
         return self.model_copy(

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnknownNameError
 from circuitkit.control import ControllerSpec
 from circuitkit.simulation import Plan, Reference, RunSpec, Scenario
-from circuitkit.simulation.disturbances.fault import Fault
+from circuitkit.simulation.disturbance import require_before
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.plan import Body, Circuits, make_body
@@ -192,22 +192,29 @@ def watched(scenario: Scenario, reference: Reference, step_s: float, watch_s: fl
     if duration > LONGEST_S:
         message = f"found {watch_s:g} s, so that a run lasts {duration:g} s; allowed: {LONGEST_S:g} s in all"
         raise InputError(Problem("", 0, 0, WATCH, message))
-    for each in scenario.befalling:
-        if isinstance(each, Fault) and isinstance(each.start, float) and each.start >= duration:
-            message = f"the fault of {each.channel} starts after the end; allowed: before {duration:g} s"
+    for k, each in enumerate(scenario.befalling):
+        if isinstance(each.begins, float) and each.begins >= duration:
+            which = f"disturbances[{k}].{each.kind}"
+            message = f"{which} starts at {each.begins:g} s, after the end; allowed: before {duration:g} s"
             raise InputError(Problem("", 0, 0, WATCH, message))
     return scenario.model_copy(update={"duration": duration})
 
 
 def require_moments(scenario: Scenario, reference: Reference) -> None:
-    """See whether everything that starts at a moment of the reference does so before the end.
+    """See whether everything that has a start begins before the end.
 
     Raises:
         InputError: There is no such moment.
     """
     for k, each in enumerate(scenario.befalling):
-        if isinstance(start := getattr(each, "start", None), Mapping):
-            _start_s(reference, start, f"disturbances[{k}].{each.kind}", (scenario.duration,))
+        where = f"disturbances[{k}].{each.kind}"
+        if isinstance(start := each.begins, Mapping):
+            _start_s(reference, start, where, (scenario.duration,))
+        elif start is not None:
+            try:
+                require_before(float(start), scenario.duration)
+            except InputError as error:
+                raise InputError(*(replace(p, where=f"{where}.{p.where}") for p in error.problems)) from error
 
 
 def _ends_s(scenario: Scenario, reference: Reference) -> Iterator[float]:

@@ -60,8 +60,9 @@ def sweep(
         batch: Runs that a worker steps together, at most.
 
     Raises:
-        InputError: Something of the study does not fit, or the folder has results of another study.
-        CircuitkitError: The folder has results and `resume` is not set; a worker has ended; a run failed.
+        InputError: Something of the study does not fit, or the folder has results of another study, or it has
+            results and `resume` is not set.
+        CircuitkitError: A worker has ended; a run failed.
         OutputError: The results cannot be written.
         KeyboardInterrupt: Ctrl-C came; says what is kept.
     """

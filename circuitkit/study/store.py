@@ -74,7 +74,7 @@ class Store:
             The outcomes that are there, by the run's key.
 
         Raises:
-            CircuitkitError: The folder has results and `resume` is not set.
+            InputError: The folder has results and `resume` is not set.
             OtherStudyError: The results there are of another study.
             OutputError: The folder cannot be written.
         """
@@ -85,7 +85,7 @@ class Store:
                 message = (
                     f"'{self.folder}' has results, but no study.json that says of what; name another folder"
                 )
-                raise CircuitkitError(message)
+                raise InputError(Problem("", 0, 0, "", message))
             self._remember(manifest)
             return {}
         if not resume:
@@ -96,7 +96,7 @@ class Store:
                 f"'{self.folder}' has {count} runs of the study '{self._manifest()['study'].get('study')}'; "
                 "go on with them by --resume (resume=True), or name another folder"
             )
-            raise CircuitkitError(message)
+            raise InputError(Problem("", 0, 0, "", message))
         if differences := list(_differences(self._manifest(), manifest)):
             shown = "; ".join(differences[:_SHOWN_DIFFERENCES])
             more = len(differences) - _SHOWN_DIFFERENCES

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -168,12 +169,52 @@ class ThisProcess(Executor):
         return future
 
 
+def whole(work: Callable[[], T]) -> T:
+    """Do something that a Ctrl-C shall not cut in two; it takes effect afterwards.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C came; the work is done.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        result = work()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
+    return result
+
+
+@contextmanager
+def _holding_back(number: signal.Signals) -> Iterator[None]:
+    """Have a signal wait in this thread, and in processes that it starts for as long as they live."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class _WorkerProcess(SpawnProcess):
     """A process whose libraries use one thread; they read the environment when they are loaded."""
 
     def start(self) -> None:
-        with environment(**_ONE_THREAD):
-            super().start()
+        """Start; a Ctrl-C meanwhile takes effect afterwards, and the process itself never gets one.
+
+        A process inherits which signals are held back, and this one is before it can say that it ignores it.
+        """
+
+        def begin() -> None:
+            with environment(**_ONE_THREAD), _holding_back(signal.SIGINT):
+                super(_WorkerProcess, self).start()
+
+        whole(begin)
 
 
 class _Context(SpawnContext):

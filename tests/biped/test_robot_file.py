@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 import yaml
 from biped.nao_files import shipped_file
+from small_robots import CART, CART_FILE, robot_file
 
 from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.biped.gait import LEG_JOINTS
 from circuitkit.robots import load_robot, shipped_robots
+from circuitkit.simulation import Scenario, make_plan
 
 DATA = yaml.safe_load((Path(__file__).parent / "nao_v4_data.yaml").read_text(encoding="utf-8"))
 
@@ -71,7 +73,7 @@ def test_servo_profiles_are_chosen_by_name(torque):
     robot = load_robot("nao").with_servos(name)
     profile = robot.servos_in_use
     assert profile[0].joints[2] == "*AnkleRoll"
-    assert profile[0].torque == pytest.approx(ankle_roll)
+    assert profile[0].torque.value_si == pytest.approx(ankle_roll)
 
 
 def test_no_profile_means_the_robots_own():
@@ -154,3 +156,15 @@ def test_a_sole_the_wrong_way_round(tmp_path):
 def test_a_range_the_wrong_way_round(tmp_path):
     said = complaints(changed_robot(tmp_path, force_cells={"range": ["25 N", "0 N"]}))
     assert "force_cells: found a range from 25 to 0; allowed: the lower end first" in said
+
+
+@pytest.mark.parametrize("reference", [{"gait": "gait_march"}, {"stand": {}}])
+def test_a_robot_that_is_no_biped_is_told_so_before_its_time_step(tmp_path, reference):
+    """No multiple of 3 ms is the 10 ms of the reference; but that is not why it cannot walk."""
+    robot = load_robot(robot_file(tmp_path, CART, **CART_FILE, timestep="3 ms"))
+    with pytest.raises(InputError) as caught:
+        make_plan(Scenario(robot=robot, reference=reference, duration=1.0))
+    assert str(caught.value) == (
+        f"{tmp_path / 'robot.yaml'}:1:1: the robot file has no block 'biped', which says what are torso, "
+        "feet and legs"
+    )

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from small_tuning import written
@@ -73,8 +78,60 @@ def test_after_ctrl_c_the_best_so_far_is_written(circuitkit, study, monkeypatch)
     monkeypatch.setattr(Measure, "__call__", interrupted)
     outcome = circuitkit("tune", study, "-o", "out", "--trials", "9", "--workers", "1")
     assert outcome.code == 130
-    assert "wrote out/small_tuned.yaml" in outcome.err
+    assert outcome.err == (
+        "wrote out/small_tuned.yaml\n"
+        "3 candidates are kept in 'out'; --resume (resume=True) goes on with the tuning\ninterrupted\n"
+    )
     assert "small: 3 candidates" in outcome.out
+
+
+def test_ctrl_c_before_the_first_candidate_says_how_to_go_on(circuitkit, study, monkeypatch):
+    """And neither --resume nor another folder is needed, since nothing is there that could be lost."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    measured = Measure.__call__
+    monkeypatch.setattr(Measure, "__call__", interrupted)
+    words = ("tune", study, "-o", "out", "--trials", "3", "--workers", "1")
+    outcome = circuitkit(*words)
+    assert (outcome.code, outcome.err) == (
+        130,
+        "0 candidates are kept in 'out'; --resume (resume=True) goes on with the tuning\ninterrupted\n",
+    )
+    monkeypatch.setattr(Measure, "__call__", measured)
+    again = circuitkit(*words, "--json")
+    assert (again.code, json.loads(again.out)["trials"]) == (0, 3)
+    assert json.loads(again.out)["start"] == {"objective": -5.0, "figures": [1.0, 5.0]}
+
+
+def workers_of(pid):
+    """The processes that a process has started and that do its runs."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in task.read_text(encoding="utf-8").split():
+            command = Path(f"/proc/{child}/cmdline").read_bytes().replace(b"\0", b" ")
+            found += [child] if b"spawn_main" in command else []
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="processes are found by /proc")
+@pytest.mark.parametrize("after_s", [0.0, 0.02, 0.1, 0.5])
+def test_ctrl_c_while_workers_start_is_quiet(tmp_path, after_s):
+    """A real process; all of its workers get the signal, as from a terminal, in whatever they just do."""
+    path = written(tmp_path)
+    words = [sys.executable, "-m", "circuitkit", "tune", str(path), "-o", "out", "--workers", "3"]
+    running = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    until = time.monotonic() + 60
+    while not workers_of(running.pid) and running.poll() is None and time.monotonic() < until:
+        time.sleep(0.002)
+    time.sleep(after_s)
+    os.killpg(running.pid, signal.SIGINT)
+    _, said = running.communicate(timeout=30)
+    assert said == (
+        "0 candidates are kept in 'out'; --resume (resume=True) goes on with the tuning\ninterrupted\n"
+    )
+    assert running.returncode == 130
 
 
 def test_the_file_that_is_tuned_is_not_overwritten(circuitkit, study, tmp_path):

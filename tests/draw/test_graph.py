@@ -68,7 +68,7 @@ def test_every_node_and_line_of_the_svg_tells_its_details(binn, pictures):
     assert len(texts) == 2 + 11 + 1 + 3 * (len(binn.synapses) + 2)  # a line has a stroke, a rim and a head
     assert texts["node-q1"].splitlines()[0] == "q1: excitatory, sigmoid"
     assert "shift 79.9 mm" in texts["node-q1"]
-    assert texts["line-lf-q1"] == "lf to q1: inhibitory, weight \N{MINUS SIGN}1000 mm"
+    assert texts["line-lf-q1"] == "lf to q1: inhibitory, weight \N{MINUS SIGN}1 m"
     assert "goes back in a cycle" in texts["line-p1-h1"]
 
 

@@ -9,12 +9,16 @@ from itertools import combinations
 import numpy as np
 import pytest
 from drawing import assert_nothing_overlaps, dense, layout_of
+from hypothesis import given
+from hypothesis import strategies as st
 
 from circuitkit.base.source import shipped_names
+from circuitkit.base.units import DIMENSIONLESS, UNIT_SYMBOLS, Dimension, parse_quantity, parse_unit
 from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.circuit.graph import Projection
+from circuitkit.circuit.names import node_of
 from circuitkit.draw import draw_circuit
-from circuitkit.draw.network import make_network, rule_text
+from circuitkit.draw.network import make_network, parameter_text, quantity_text, rule_text, weight_text
 
 HEAD = "circuit: c\ncontrol_step: 10 ms\ntiming: ordered\n"
 RING = (
@@ -48,6 +52,90 @@ def test_a_population_is_one_node_with_its_size():
     assert (ring.lines, ring.size, ring.role) == (("ring", "8 neurons"), 8, "excitatory")
     assert ring.details.splitlines()[0] == "ring: excitatory, leaky_integrator, 8 neurons"
     assert "tau 0.01 s" in ring.details
+
+
+_POWERS = st.sampled_from(("", "^2", "^3", "^-1"))
+_FACTORS = st.builds(str.__add__, st.sampled_from(UNIT_SYMBOLS), _POWERS)
+_UNITS = st.lists(st.tuples(st.sampled_from("*/"), _FACTORS), min_size=1, max_size=4).map(
+    lambda parts: parse_unit("".join(sign + factor for sign, factor in parts).removeprefix("*"))
+)
+
+
+def assert_read_back(text, value_si, dimension):
+    """What stands in a picture is the quantity, to the four digits that are shown."""
+    found = parse_quantity(text)
+    assert found.dimension == dimension
+    assert found.value_si == pytest.approx(value_si, rel=5e-4)
+
+
+@given(above=_UNITS, below=_UNITS, value=st.floats(1e-6, 1e6))
+def test_what_units_are_made_of_others_can_be_read_back(above, below, value):
+    quotient = above.over(below)
+    again = parse_unit(quotient.symbol)
+    assert (again.factor, again.dimension) == (quotient.factor, quotient.dimension)
+    assert quotient.factor == above.factor / below.factor
+    assert quotient.dimension == above.dimension.times(below.dimension, -1)
+    assert_read_back(weight_text(-value, above, below), -value, quotient.dimension)
+    assert_read_back(quantity_text(value, above), value, above.dimension)
+
+
+@pytest.mark.parametrize("name", shipped_names("circuits"))
+def test_weights_of_shipped_circuits_are_shown_as_the_language_reads_them(name):
+    """Every weight that is one number, of synapses and readouts, and every parameter of a neuron."""
+    graph = load_circuit(name)
+    ends: dict[str, list[tuple[float, Dimension]]] = {}
+    activations = {each.name: each.activation_unit for each in (*graph.neurons, *graph.populations)}
+    inputs = {each.name: each.unit for each in graph.inputs}
+    for each in graph.synapses:
+        below = inputs.get(node_of(each.source), DIMENSIONLESS).dimension
+        dimension = each.model.weight.dimension(activations[node_of(each.target)].dimension, below)
+        words = f"{node_of(each.source)} to {node_of(each.target)}: {each.kind}"
+        ends.setdefault(words, []).append((each.weight, dimension))
+    for output in graph.outputs:
+        for source, weight in output.readout:
+            words = f"{node_of(source)} to {output.name}: readout"
+            ends.setdefault(words, []).append((weight, output.unit.dimension))
+    shown = {
+        words: rest.partition("weight ")[2].partition(",")[0]
+        for link in make_network(graph).links
+        for words, _, rest in [link.details.splitlines()[0].partition(", ")]
+    }
+    checked = 0
+    for words, (first, *others) in ends.items():
+        if not others and isinstance(first[0], float):
+            assert_read_back(shown[words], *first)
+            checked += 1
+    assert checked or not graph.synapses
+    for neuron in graph.neurons:
+        for each in neuron.model.parameters:
+            text = parameter_text(each, neuron.parameters[each.name], neuron.activation_unit)
+            dimension = each.unit_rule.dimension(neuron.activation_unit.dimension)
+            assert_read_back(text.partition(" ")[2], neuron.parameters[each.name], dimension)
+
+
+BALANCE = (
+    HEAD
+    + """inputs:
+  lean: {unit: rad, range: [-30 deg, 30 deg]}
+  rate: {unit: rad/s, range: [-5 rad/s, 5 rad/s]}
+  tilt: {unit: deg, range: [-30 deg, 30 deg]}
+neurons:
+  n: {model: identity, role: excitatory}
+synapses:
+  - {from: lean, to: n, weight: 3.5 /rad}
+  - {from: rate, to: n, weight: WEIGHT}
+  - {from: tilt, to: n, weight: 3 /rad}
+outputs:
+  y: {unit: N, readout: {n: 10 N}}
+"""
+)
+
+
+@pytest.mark.parametrize("weight", ["0.9 s/rad", "15.7 ms/deg", "0.9 s*1/rad"])
+def test_a_weight_is_shown_in_the_unit_of_its_file(weight):
+    found = links(BALANCE.replace("WEIGHT", weight))
+    shown = [found[name, "n", "sensorial"].label for name in ("lean", "rate", "tilt")]
+    assert shown == ["3.5 /rad", weight, "3 /rad"]
 
 
 def test_lines_say_who_is_connected_how_strongly_by_which_model_and_when():

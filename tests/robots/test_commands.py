@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_robots import CART, CART_FILE, robot_file, small_model
+from small_robots import CART, CART_FILE, PUCK, robot_file, small_model
 
 from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.robots import Observer, Worlds, build_model, load_robot
 from circuitkit.robots.model import servo_numbers
+from circuitkit.robots.spec import Servo
+from circuitkit.robots.starter import write_robot_starter
 from circuitkit.robots.worlds import substeps_of
 
 # Two joints, of which one has a position actuator with a gear, and another one a motor; all are limited.
@@ -178,8 +180,18 @@ def test_a_key_brings_positions_and_controls_and_hold_comes_after(tmp_path):
             "hold.elbo: the MJCF has no hinge or slide 'elbo'; allowed: shoulder, elbow, reach; did you mean "
             "'elbow'?",
         ),
-        ({"hold": {"elbow": "1 cm"}}, "hold.elbow: found '1 cm'; allowed: a quantity in rad or like it"),
-        ({"hold": {"reach": 0.1}}, "hold.reach: found '0.1'; allowed: a quantity in m or like it"),
+        (
+            {"hold": {"reach": "30 deg"}},
+            "hold.reach: found '30 deg', but reach is a slide; allowed: a quantity in m or like it",
+        ),
+        (
+            {"hold": {"elbow": "1 cm"}},
+            "hold.elbow: found '1 cm', but elbow is a hinge; allowed: a quantity in rad or like it",
+        ),
+        (
+            {"hold": {"reach": 0.1}},
+            "hold.reach: found '0.1', but reach is a slide; allowed: a quantity in m or like it",
+        ),
     ],
 )
 def test_what_cannot_be_held(tmp_path, sections, said):
@@ -239,6 +251,80 @@ def test_servos_hold_the_positions_of_a_keyframe(tmp_path):
     model = arm(tmp_path, servos=[SERVO], key="up")
     held = dict(zip((model.model.actuator(i).name for i in range(3)), model.held, strict=True))
     assert held == pytest.approx({"shoulder": 1.0, "elbow": -0.5, "glide": 0.2})
+
+
+SLIDING = {"joints": ["reach"], "stiffness": "50 N/m", "damping": "20 N*s/cm", "torque": "6 N"}
+
+
+def test_a_servo_of_a_slide_is_in_newtons_and_metres(tmp_path):
+    servo = arm(tmp_path, servos=[SERVO, SLIDING]).model.actuator("reach")
+    found = (*servo.gainprm[:1], *servo.biasprm[1:3], *servo.forcerange)
+    assert found == pytest.approx((50, -50, -2000, -6, 6))
+
+
+@pytest.mark.parametrize(
+    ("servo", "said"),
+    [
+        (
+            {"stiffness": "100 N*m/rad"},
+            "stiffness: found '100 N*m/rad', but reach is a slide; allowed: a quantity in N/m",
+        ),
+        (
+            {"damping": "3 N*m*s/rad"},
+            "damping: found '3 N*m*s/rad', but reach is a slide; allowed: a quantity in N*s/m",
+        ),
+        ({"torque": "1 N*m"}, "torque: found '1 N*m', but reach is a slide; allowed: a quantity in N"),
+        (
+            {"joints": ["re*", "elbow", "shoulder"], "torque": "6 N"},
+            "stiffness: found '50 N/m', but shoulder is a hinge; allowed: a quantity in N*m/rad",
+        ),
+        (
+            {"stiffness": "1 N"},
+            "stiffness: found '1 N', which is force; allowed: a quantity such as '100 N*m/rad', of a slide "
+            "'100 N/m'",
+        ),
+        ({"stiffness": "0 N/m"}, "stiffness: found '0 N/m'; allowed: more than 0"),
+        ({"damping": "-1 N*s/m"}, "damping: found '-1 N*s/m'; allowed: 0 or more"),
+    ],
+)
+@pytest.mark.parametrize("in_sets", [False, True])
+def test_units_of_a_servo_follow_the_type_of_its_joint(tmp_path, servo, said, in_sets):
+    servos = [{**SLIDING, **servo}]
+    found = complaint(tmp_path, servos={"own": servos} if in_sets else servos)
+    first = next(line for line in found.splitlines() if said.partition(":")[0] in line)
+    assert first.partition(": ")[2] == f"servos{'.own' if in_sets else ''}[0].{said}"
+    line, column = (int(each) for each in first.removeprefix("robot.yaml:").split(":")[:2])
+    text = (tmp_path / "robot.yaml").read_text(encoding="utf-8").splitlines()[line - 1][column - 1 :]
+    assert text.startswith(said.partition("found '")[2].partition("'")[0])
+
+
+def test_init_suggests_servos_in_the_units_of_each_joint(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM, encoding="utf-8")
+    path = write_robot_starter(tmp_path / "arm.xml", tmp_path / "robot.yaml")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("# servos:"))
+    used = [line.removeprefix("# ") if start <= i <= start + 2 else line for i, line in enumerate(lines)]
+    path.write_text("\n".join(used), encoding="utf-8")
+    hinges, slide = load_robot(path).servos_in_use
+    assert (hinges.joints, str(hinges.stiffness)) == (("shoulder", "elbow"), "100 N*m/rad")
+    assert (slide.joints, str(slide.stiffness), str(slide.torque)) == (("reach",), "100 N/m", "10 N")
+    robot = load_robot(path).model_copy(update={"commands": {}})
+    assert set(build_model(robot).servo_joints) == {"shoulder", "elbow", "reach"}
+
+
+def test_numbers_of_python_are_in_the_si_unit_of_the_joint(tmp_path):
+    numbers = Servo(joints=("reach", "elbow"), stiffness=7.0, damping=0.5, torque=3.0)
+    robot = load_robot(robot_file(tmp_path, ARM)).model_copy(update={"servos": (numbers,)})
+    model = build_model(robot).model
+    assert [model.actuator(name).gainprm[0] for name in ("reach", "elbow")] == [7.0, 7.0]
+
+
+def test_a_keyframe_of_an_mjcf_without_any(tmp_path):
+    said = complaint(tmp_path, PUCK, key="home")
+    assert said.partition(": ")[2] == (
+        "key: found 'home', but the MJCF has no keyframes; allowed: no key; hold, such as "
+        "hold: {JOINT: 10 deg}, puts joints where they start"
+    )
 
 
 def test_servos_may_be_sets_by_name(tmp_path):

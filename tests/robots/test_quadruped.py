@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from seeds import changed
 
 from circuitkit import compile_circuit, load_circuit, run
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import run_loop
 from circuitkit.simulation.plan import make_plan
-from circuitkit.simulation.scenario import load_scenario, parse_push, with_push
+from circuitkit.simulation.scenario import parse_push, with_push
 
 LEGS = ("LF", "RF", "LH", "RH")
 SETTLED = 300  # ticks
@@ -18,7 +19,7 @@ STANDS_N = 2.0
 
 def runs(name, seeds, push=None, settings=None, **changes):
     """The recording of a shipped scenario with several seeds at once."""
-    scenario = load_scenario(name).model_copy(update=changes)
+    scenario = changed(name, **changes)
     plan = make_plan(scenario, None, settings, "auto")
     specs = [plan.own_spec(seed) for seed in seeds]
     if push is not None:

@@ -616,3 +616,66 @@ def test_a_batch_of_n_is_n_single_robots_to_the_bit(cart):
             one, other = getattr(batch, name)[:, i], getattr(alone, name)[:, 0]
             np.testing.assert_array_equal(one.view(np.int64), other.view(np.int64), err_msg=name)
     assert not np.array_equal(batch.qpos[-1, 0], batch.qpos[-1, 2])
+
+
+# --- what would do nothing ----------------------------------------------------------------------------------
+
+BEGINNING = [
+    lambda **when: Actuator(strength=0.0, **when),
+    lambda **when: Current(velocity=(1.0, 0.0, 0.0), **when),
+    lambda **when: Fault(channel="place", reading="zero", **when),
+    lambda **when: Noise(channel="place", std="1 cm", **when),
+    lambda **when: Push(body="cart", force=1.0, direction="forward", **{"duration": 0.1, **when}),
+]
+
+
+@pytest.fixture(scope="module")
+def swimming(tmp_path_factory):
+    water = CART.replace("<option ", '<option density="1000" ')
+    return small_robot(tmp_path_factory.mktemp("swimming"), water, **CART_FILE)
+
+
+@pytest.mark.parametrize("make", BEGINNING)
+@pytest.mark.parametrize("start", [1.0, 50.0])
+def test_a_disturbance_that_starts_at_the_end_or_later_is_refused(swimming, make, start):
+    disturbance = make(start=start)
+    with pytest.raises(InputError) as caught:
+        run(swimming, Told(("place",), force=0.0), [disturbance], duration_s=1.0)
+    assert str(caught.value) == (
+        f"disturbances[0].{disturbance.kind}.start: found {start:g} s, and the run ends at 1 s; allowed: a "
+        "start before the end; or a longer duration of the run"
+    )
+
+
+@pytest.mark.parametrize("make", BEGINNING[:-1])
+@pytest.mark.parametrize("start", [0.0, 0.5])
+def test_a_disturbance_that_no_control_step_sees_is_refused(swimming, make, start):
+    disturbance = make(start=start, duration=0.002)
+    with pytest.raises(InputError) as caught:
+        run(swimming, Told(("place",), force=0.0), [disturbance], duration_s=1.0, step_s=0.01)
+    assert str(caught.value) == (
+        f"disturbances[0].{disturbance.kind}.duration: found 0.002 s, which no control step of 0.01 s falls "
+        "into; allowed: as long as a control step, or longer"
+    )
+
+
+def test_a_move_at_the_end_is_refused(puck):
+    with pytest.raises(InputError, match=r"disturbances\[0\].move.start: found 2 s, and the run ends at 1 s"):
+        run(puck, disturbances=[Move(body="puck", velocity=(1.0, 0.0, 0.0), start=2.0)], duration_s=1.0)
+
+
+def test_what_starts_within_the_last_tick_acts_in_it(cart):
+    fault = Fault(channel="place", reading="missing", start=0.996)
+    recording = run(cart, Told(("place",), force=1.0), [fault], duration_s=1.0, step_s=0.01)
+    assert np.flatnonzero(np.isnan(recording.observations[:, 0, 0])).tolist() == [99]
+
+
+@pytest.mark.parametrize("when", [{}, {"start": 0.1}])
+def test_a_current_needs_water_or_air(cart, when):
+    with pytest.raises(InputError) as caught:
+        run(cart, disturbances=[Current(velocity=(1.0, 0.0, 0.0), **when)])
+    assert str(caught.value) == (
+        "disturbances[0].current: the MJCF has neither density nor viscosity, so that nothing feels a "
+        'current; allowed: an MJCF with <option density="1000" viscosity="0.0009"/> for water, 1.2 and '
+        "0.00002 for air"
+    )

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from small_robots import CART, CART_FILE, Told, robot_file, run, small_robot
 
-from circuitkit import parse_circuit
+from circuitkit import load_circuit, parse_circuit
 from circuitkit.base.errors import InputError, UnknownNameError
 from circuitkit.base.units import parse_unit
-from circuitkit.control import CircuitController, Controller, PlannedChannel
+from circuitkit.control import CircuitController, Controller, PlannedChannel, load_controller
+from circuitkit.robots import load_robot
 from circuitkit.simulation import (
     Moment,
     Motion,
@@ -22,12 +23,14 @@ from circuitkit.simulation import (
     make_plan,
     simulate,
 )
+from circuitkit.simulation.disturbance import DISTURBANCES
 from circuitkit.simulation.disturbances.jitter import Jitter
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.references.hold import Hold
 from circuitkit.simulation.references.key import Key
 
+KEYS = ", ".join(sorted(Scenario.model_fields))
 CIRCUIT = """\
 circuit: catcher
 control_step: 10 ms
@@ -150,15 +153,162 @@ def test_a_scenario_that_is_changed_forgets_nothing(files):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"duration": -1.0}, "duration"),
-        ({"robot": 3}, "found 3; allowed: the name of a robot, the path of a robot file, or a Robot"),
-        ({"disturbances": [{"pusch": {}}]}, "pusch"),
-        ({"controller": 3}, "found 3; allowed: a name, a path, or a Controller"),
+        ({"duration": -1.0}, "duration: found -1.0; allowed: more than 0"),
+        ({"robot": 3}, "robot: found 3; allowed: the name of a robot, the path of a robot file, or a Robot"),
+        ({"circuit": Key("home")}, "circuit: found an object of the class Key; allowed: the name of a "
+            "circuit, a path, or a CircuitGraph"),
+        ({"disturbances": [{"pusch": {}}]}, "disturbances[0].pusch: unknown key 'pusch'; allowed: "
+            f"{', '.join(sorted(DISTURBANCES.kinds))}; did you mean 'push'?"),
+        ({"disturbances": Jitter(joints=0.1)}, "disturbances: found an object of the class Jitter; allowed: "
+            "a list"),
+        ({"disturbances": [3]}, "disturbances[0]: found 3; allowed: a mapping"),
+        ({"controller": 3}, "controller: found 3; allowed: a name, a path, or a Controller"),
+        ({"reference": "home"}, "reference: found 'home'; allowed: a mapping"),
+        ({"reference": Key}, "reference: found the class Key; allowed: a mapping"),
+        ({"measures": ["max(place)"]}, "measures: found a list of 1; allowed: a mapping"),
+        ({"controler": "open_loop"}, f"controler: unknown key 'controler'; allowed: {KEYS}; did you mean "
+            "'controller'?"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_field_is_refused(tmp_path, changes, said):
-    with pytest.raises(ValueError, match=said):  # pydantic's own words
+    with pytest.raises(InputError) as caught:
         objects(small_robot(tmp_path, CART, **CART_FILE), **changes)
+    assert str(caught.value) == said
+
+
+def test_a_kind_made_in_python_complains_as_its_file_does():
+    with pytest.raises(InputError) as caught:
+        Push(body=3, force="1 kg", direction="left", duration=0.1, start=0.0, colour="red")
+    assert sorted(str(caught.value).splitlines()) == [
+        "body: found 3; allowed: a text",
+        "colour: unknown key 'colour'; allowed: at, body, direction, duration, force, height, start, torque",
+        "force: found '1 kg', which is mass; allowed: a quantity such as '20 N'",
+    ]
+
+
+ONE_OF = "allowed: the name of one of the shipped"
+A_SCENARIO = "the name of a scenario, a path, or a Scenario"
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: simulate(5), f"scenario: found 5; allowed: {A_SCENARIO}"),
+        (lambda: simulate(None), f"scenario: found nothing; allowed: {A_SCENARIO}"),
+        (
+            lambda: simulate("cartpole_balances", robot=5, seed="3"),
+            "seed: found '3'; allowed: a whole number\nrobot: found 5; allowed: the name of a robot, the "
+            "path of a robot file, or a Robot",
+        ),
+        (
+            lambda: simulate("cartpole_balances", circuit=Key("home")),
+            "circuit: found an object of the class Key; allowed: the name of a circuit, a path, or a "
+            "CircuitGraph",
+        ),
+        (
+            lambda: simulate("cartpole_balances", settings=["w"]),
+            "settings: found a list of 1; allowed: values by name, such as {'w': '2 deg'}",
+        ),
+        (
+            lambda: compare("cartpole_balances", "open_loop"),
+            "controllers: found 'open_loop'; allowed: a list, such as ['open_loop', 'circuit']",
+        ),
+        (lambda: compare("cartpole_balances", 5), "controllers: found 5; allowed: a list, such as "
+            "['open_loop', 'circuit']"),
+        (lambda: load_robot(None), f"found nothing; {ONE_OF} robots, or a path"),
+        (lambda: load_circuit(5), f"found 5; {ONE_OF} circuits, or a path"),
+        (lambda: load_scenario([]), f"found a list of 0; {ONE_OF} sims, or a path"),
+        (
+            lambda: load_controller(np.zeros(2)),
+            f"found an array of shape (2,); {ONE_OF} controllers, or a path",
+        ),
+    ],
+)  # fmt: skip
+def test_an_object_in_the_place_of_another_is_refused_by_name(call, said):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert str(caught.value) == said
+
+
+PROTOCOL = (
+    "; a controller is an object with name, observations and commands (lists of names), reset(robots), and "
+    "step(observation), which takes an array of shape (robots, observations) and returns one of shape "
+    "(robots, commands)"
+)
+WITH_ALL = "allowed: the name of a controller, a path, or an object with all of these"
+SHAPE = "an array of numbers of shape (1, 1), a row for each robot and a column for each command"
+
+
+class Returning(Told):
+    """A controller whose step returns what it was told, in the first tick and later."""
+
+    def __init__(self, found):
+        super().__init__(force=1.0)
+        self.found = found
+
+    def step(self, observation):  # noqa: ARG002 - of the protocol
+        return self.found
+
+
+def told(**changes):
+    made = Told(force=1.0)
+    for key, value in changes.items():
+        setattr(made, key, value)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("controller", "said"),
+    [
+        (Key("home"), "controller: found an object of the class Key without observations, commands, reset, "
+            f"step; {WITH_ALL}"),
+        (Returning, "controller: found the class Returning; allowed: an object of it, such as Returning()"),
+        (np.zeros(3), "controller: found an array of shape (3,) without name, observations, commands, reset, "
+            f"step; {WITH_ALL}"),
+        (told(observations="angle"), "controller.observations: found 'angle'; allowed: a tuple of names, "
+            "such as ('angle',)"),
+        (told(commands=["force", 3]), "controller.commands: found 3; allowed: a tuple of names, such as "
+            "('yaw', 'speed')"),
+        (told(step=None), "controller.step: found nothing; allowed: a method"),
+        (told(name=3), "controller.name: found 3; allowed: a text"),
+        (Returning(None), f"controller.step: found nothing; allowed: {SHAPE}"),
+        (Returning([[1.0]]), f"controller.step: found a list of 1; allowed: {SHAPE}"),
+        (Returning(1.0), f"controller.step: found 1.0; allowed: {SHAPE}"),
+        (Returning(np.zeros(1)), f"controller.step: found an array of shape (1,); allowed: {SHAPE}"),
+        (Returning(np.zeros((2, 1))), f"controller.step: found an array of shape (2, 1); allowed: {SHAPE}"),
+        (Returning(np.array([["a"]])), f"controller.step: found an array of shape (1, 1); allowed: {SHAPE}"),
+    ],
+)  # fmt: skip
+def test_what_is_no_controller_is_told_what_one_is(cart, controller, said):
+    scenario = Scenario(robot=cart, duration=0.1, control_step=0.01)
+    with pytest.raises(InputError) as caught:
+        simulate(scenario, controller=controller)
+    assert str(caught.value) == said + PROTOCOL
+
+
+def test_what_bind_gives_is_checked_as_well(cart):
+    class Binding:
+        def bind(self, interface):  # noqa: ARG002 - of the protocol
+            return None
+
+    with pytest.raises(InputError, match="controller: found nothing without name, observations"):
+        simulate(Scenario(robot=cart, duration=0.1, control_step=0.01), controller=Binding())
+
+
+def test_the_shape_is_asked_for_in_the_first_tick_only(cart):
+    """No later tick pays for it: what `step` gives is looked at once."""
+
+    class Looked(np.ndarray):
+        asked = 0
+
+        @property
+        def shape(self):
+            Looked.asked += 1
+            return super().shape
+
+    controller = Returning(np.zeros((1, 1)).view(Looked))
+    simulate(Scenario(robot=cart, duration=0.5, control_step=0.01), controller=controller)
+    assert 1 <= Looked.asked < 50
 
 
 # --- controllers --------------------------------------------------------------------------------------------
@@ -354,8 +504,8 @@ def test_key_starts_there_and_holds_its_controls(cart):
         (Hold({"hing": "1 deg"}), "reference.hold.hing: the MJCF has no hinge or slide 'hing'; allowed: "
             "slide, hinge; "
          "did you mean 'hinge'?"),
-        (Hold({"slide": "1 deg"}), "reference.hold.slide: found '1 deg'; allowed: a quantity in m or like "
-            "it"),
+        (Hold({"slide": "1 deg"}), "reference.hold.slide: found '1 deg', but slide is a slide; allowed: a "
+            "quantity in m or like it"),
         (Key("swing"), "reference.key: the MJCF has no keyframe 'swing'; allowed: swung, home; did you mean "
             "'swung'?"),
     ],

@@ -234,6 +234,22 @@ def test_what_was_recorded_until_ctrl_c_is_on_disk(mine, tmp_path, monkeypatch):
     np.testing.assert_allclose(table["zmp_y_m"], whole.recording.channel("zmp_y")[:140, 0], rtol=1e-8)
 
 
+def test_ctrl_c_while_filming_says_what_is_there_and_what_is_not(mine, tmp_path, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("circuitkit.simulation.film.film", stopped)
+    path = tmp_path / "out" / "video.mp4"
+    result = simulate(mine(), output=tmp_path / "out", video=True)
+    assert not result.recording.interrupted
+    assert result.row()["interrupted"] is True
+    assert result.notes == (
+        f"no film: interrupted before '{path}' was whole; the recording and the plots are there",
+    )
+    assert (tmp_path / "out" / "recording.nc").is_file()
+    assert not path.exists()
+
+
 def test_a_comparison_stops_with_the_run_that_was_stopped(mine, tmp_path, monkeypatch):
     interrupt_at(monkeypatch, 40)
     results = compare(mine(), ["open_loop", "circuit"], output=tmp_path / "out")

@@ -296,7 +296,8 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         ),
         (
             "start: 1 s, duration: 100 ms", "start: 5 s, duration: 100 ms",
-            "13:55: disturbances[1].fault.start: the fault starts at 5 s; allowed: before the end of the run",
+            "13:55: disturbances[1].fault.start: found 5 s, and the run ends at 4 s; allowed: a start before "
+            "the end; or a longer duration of the run",
         ),
         (
             "seed: 0", "  - noise: {channel: zmp_y, std: 1 N}",
@@ -348,6 +349,16 @@ def test_every_wrong_value_is_reported_at_once(tmp_path):
         (
             "until: upright < 0.7 or com_z < 0.6 * first(com_z)", "until: upright",
             "17:8: until: found 'upright'; allowed: a condition, such as height < 0.2 m",
+        ),
+        (
+            "time_of_fall_s: time_of(ended)", "survived: max(abs(zmp_y))",
+            "19:13: measures.survived: found 'max(abs(zmp_y))', a number; allowed: a condition, such as "
+            "max(speed) < 2 m/s",
+        ),
+        (
+            "seed: 0", "  - actuator: {strength: 0 %, start: 50 s}",
+            "16:38: disturbances[4].actuator.start: found 50 s, and the run ends at 4 s; allowed: a start "
+            "before the end; or a longer duration of the run",
         ),
     ],
 )  # fmt: skip

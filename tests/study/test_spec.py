@@ -212,6 +212,23 @@ def test_without_a_push_the_scenarios_duration_counts():
     assert case({"push": []}, watch="2 s").scenario.duration == 17.0
 
 
+def test_nothing_may_begin_after_the_end_of_the_runs():
+    """The push ends at 3.55 s; with 2 s of watch, what begins at 9 s would never befall anybody."""
+    late = {"push.start.step": 4, "actuator": {"strength": "0 %", "start": "9 s"}}
+    assert case(late).scenario.befalling[-1].begins == 9.0
+    with pytest.raises(InputError) as caught:
+        case(late, watch="2 s")
+    assert str(caught.value).endswith(
+        "watch: disturbances[3].actuator starts at 9 s, after the end; allowed: before 5.55 s"
+    )
+    with pytest.raises(InputError, match=r"actuator.start: found 20 s, and the run ends at 17 s"):
+        case({"actuator": {"strength": "0 %", "start": "20 s"}})
+    with pytest.raises(InputError, match=r"found 17 s, and the run ends at 17 s"):
+        case({"push.start": "17 s"})
+    jittered = {"push.start": "1 s", "jitter.start": "5 s"}  # by how much pushes differ, not when it begins
+    assert case(jittered, watch="1 s").scenario.duration == pytest.approx(2.2)
+
+
 def test_keys_are_equal_for_equal_runs_only():
     base = case()
     assert case(watch="3 s").key != base.key

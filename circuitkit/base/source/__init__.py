@@ -8,6 +8,7 @@ from circuitkit.base.source.data_files import (
     data_folders,
     files_by_name,
     find_data_file,
+    path_of,
     shipped_file,
     shipped_names,
 )
@@ -53,6 +54,7 @@ __all__ = [
     "keys_of",
     "model_problems",
     "parse_yaml",
+    "path_of",
     "place_text",
     "read_yaml",
     "scan_text",

@@ -13,10 +13,12 @@ from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.registry import plugged_in
+from circuitkit.base.source.validation import describe
 
 _LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).parents[2]
@@ -107,6 +109,22 @@ def _warn_once(text: str) -> None:
     _LOG.warning(text)
 
 
+def path_of(name_or_path: object, what: str) -> Path:
+    """A name or a path as a path.
+
+    Args:
+        name_or_path: Such as `my/circuit.yaml` or `binn_lateral`; in Python it may be anything.
+        what: What such a file holds, such as "circuits".
+
+    Raises:
+        InputError: It is neither.
+    """
+    if isinstance(name_or_path, str | PathLike):
+        return Path(name_or_path)
+    message = f"found {describe(name_or_path)}; allowed: the name of one of the shipped {what}, or a path"
+    raise InputError(Problem("", 0, 0, "", message))
+
+
 def find_data_file(name_or_path: str | Path, folder: str) -> Path:
     """The path of a file: a path is returned as it is, a bare name is looked up as `shipped_file` does.
 
@@ -119,7 +137,7 @@ def find_data_file(name_or_path: str | Path, folder: str) -> Path:
     Raises:
         InputError: There is no shipped file of this name; lists those there are.
     """
-    path = Path(name_or_path)
+    path = path_of(name_or_path, Path(folder).name)
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
     if found := shipped_file(folder, f"{path.name}{_SUFFIX}"):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
+from pydantic import BeforeValidator, PlainSerializer, PlainValidator, ValidationInfo, WithJsonSchema
 
 from circuitkit.base.source.validation import describe
-from circuitkit.base.units import Quantity, parse_quantity, parse_unit
+from circuitkit.base.units import DIMENSIONLESS, Quantity, parse_quantity, parse_unit
 
 
 def _reader(unit_text: str, example: str) -> Callable[[object, ValidationInfo], float]:
@@ -27,6 +27,39 @@ def _reader(unit_text: str, example: str) -> Callable[[object, ValidationInfo], 
             message = f"found {describe(value)}, which is {quantity.dimension}; allowed: {allowed}"
             raise ValueError(message)
         return quantity.value_si
+
+    return read
+
+
+def _either(
+    hinge: str, slide: str, number: float, *, zero: bool = False
+) -> Callable[[object, ValidationInfo], Quantity]:
+    """A validator of what has one unit about a hinge and another one along a slide.
+
+    Which of them a value needs is known only where its joint is; see `circuitkit.robots.mjcf`. A bare number
+    in Python is in the SI unit of whatever joint it is for, and has no unit.
+
+    Args:
+        hinge: The unit about a hinge.
+        slide: The unit along a slide.
+        number: For the example.
+        zero: Whether 0 is allowed.
+    """
+    dimensions = {parse_unit(hinge).dimension, parse_unit(slide).dimension}
+    allowed = f"a quantity such as '{number:g} {hinge}', of a slide '{number:g} {slide}'"
+
+    def read(value: object, info: ValidationInfo) -> Quantity:
+        if isinstance(value, Quantity):
+            return value
+        quantity = _quantity(value, allowed)
+        is_si = info.mode == "python" and not isinstance(value, str)
+        if quantity.dimension not in dimensions and not (is_si and quantity.unit == DIMENSIONLESS):
+            message = f"found {describe(value)}, which is {quantity.dimension}; allowed: {allowed}"
+            raise ValueError(message)
+        if quantity.value_si < 0 or (quantity.value_si == 0 and not zero):
+            message = f"found {describe(value)}; allowed: {'0 or more' if zero else 'more than 0'}"
+            raise ValueError(message)
+        return quantity
 
     return read
 
@@ -58,8 +91,10 @@ Newtons = Annotated[float, BeforeValidator(_reader("N", "20 N")), _SCHEMA]
 MetresPerSecond = Annotated[float, BeforeValidator(_reader("m/s", "2 cm/s")), _SCHEMA]
 RadiansPerSecond = Annotated[float, BeforeValidator(_reader("rad/s", "1 deg/s")), _SCHEMA]
 NewtonMetres = Annotated[float, BeforeValidator(_reader("N*m", "14.8 N*m")), _SCHEMA]
-Stiffness = Annotated[float, BeforeValidator(_reader("N*m/rad", "100 N*m/rad")), _SCHEMA]
-Damping = Annotated[float, BeforeValidator(_reader("N*m*s/rad", "3.55 N*m*s/rad")), _SCHEMA]
+_IN_SI = PlainSerializer(lambda quantity: quantity.value_si, return_type=float)
+Stiffness = Annotated[Quantity, PlainValidator(_either("N*m/rad", "N/m", 100)), _IN_SI, _SCHEMA]
+Damping = Annotated[Quantity, PlainValidator(_either("N*m*s/rad", "N*s/m", 3.55, zero=True)), _IN_SI, _SCHEMA]
+Effort = Annotated[Quantity, PlainValidator(_either("N*m", "N", 14.8)), _IN_SI, _SCHEMA]
 RadiansPerMetre = Annotated[float, BeforeValidator(_reader("rad/m", "8 rad/m")), _SCHEMA]
 RadianSecondsPerMetre = Annotated[float, BeforeValidator(_reader("rad*s/m", "0.2 rad*s/m")), _SCHEMA]
 PerSecondToTheSixth = Annotated[float, BeforeValidator(_reader("1/s^6", "1e6 1/s^6")), _SCHEMA]

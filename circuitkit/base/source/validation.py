@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeVar, Union, get_args, get_origin
@@ -27,6 +27,21 @@ class FileModel(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    def __init__(self, **data: Any) -> None:  # noqa: ANN401 - whatever the fields are
+        """Make a model of values that Python gives, which complains in the same words as one of a file.
+
+        Raises:
+            InputError: With every complaint; places are those in the model.
+        """
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            findings = _findings(Document("", None, {}), type(self), data, (), error)
+            raise InputError(*(finding.problem for finding in findings)) from error
+
+    # Pydantic need not call it for what stands inside of another model, and keeps its own mode there.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -93,7 +108,15 @@ def model_problems(
     try:
         return model.model_validate_json(json.dumps(data), strict=True), []
     except ValidationError as error:
-        details = error.errors(include_url=False)
+        findings = _findings(document, model, data, at, error)
+    return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
+
+
+def _findings(
+    document: Document, model: type[BaseModel], data: Data, at: Place, error: ValidationError
+) -> list[Finding]:
+    """The complaints of pydantic in the words of the file, in no order."""
+    details = error.errors(include_url=False)
     findings: list[Finding] = []
     by_place: dict[Place, list[Any]] = {}
     for detail in details:
@@ -112,7 +135,7 @@ def model_problems(
             findings.append(
                 _finding(document, model, at, place, [_as_written(d, data, place) for d in group])
             )
-    return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
+    return findings
 
 
 def _part(data: Data, place: Place) -> Data:
@@ -149,7 +172,7 @@ def _place(detail: Mapping[str, Any], data: Data) -> Place:
     loc = detail["loc"]
     for position, part in enumerate(loc, start=1):
         is_missing_key = position == len(loc) and detail["type"] == "missing"
-        keys = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
+        keys = _keys_in(data)
         if part in keys:
             data = data[part]  # type: ignore[index]  # it is a list or a mapping, for it has keys
         elif not is_missing_key:
@@ -158,10 +181,17 @@ def _place(detail: Mapping[str, Any], data: Data) -> Place:
     return tuple(place)
 
 
+def _keys_in(data: object) -> Collection[object]:
+    """What a part of the data can be asked for."""
+    if isinstance(data, dict):
+        return data.keys()
+    return range(len(data)) if isinstance(data, list | tuple) else ()
+
+
 def _as_written(detail: Any, data: Data, place: Place) -> Any:  # noqa: ANN401 - pydantic's own mapping
     """A complaint about the size of a quantity in the unit in which the file has it, not in SI units."""
     for part in place:
-        keys = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
+        keys = _keys_in(data)
         data = data[part] if part in keys else None  # type: ignore[index]  # it has keys
     if not (isinstance(data, str) and isinstance(detail["input"], float | str) and detail["type"] in _SIZES):
         return detail
@@ -210,14 +240,28 @@ def _found_and_allowed(group: list[Any]) -> tuple[str, str]:
 
 
 def describe(value: object) -> str:
-    """What was found, as text for a message: `'abc'`, `5`, `true`, `a list`, `nothing`."""
+    """What was found, as text for a message: `'abc'`, `5`, `true`, `a list of 3`, `nothing`.
+
+    In Python anything may be found: `the class Damper`, or `an object of the class Damper`.
+    """
     if isinstance(value, str):
         return f"'{value}'" if len(value) <= 60 else f"'{value[:60]}…'"  # noqa: PLR2004 - fits on a line
     if isinstance(value, list | tuple):
         return f"a list of {len(value)}"
     if isinstance(value, Mapping):
         return f"a mapping of {len(value)}"
-    return "nothing" if value is None else json.dumps(value)
+    if value is None or isinstance(value, bool | int | float):
+        return "nothing" if value is None else json.dumps(value)
+    return _describe_object(value)
+
+
+def _describe_object(value: object) -> str:
+    """What no file can hold."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if isinstance(shape := getattr(value, "shape", None), tuple):
+        return f"an array of shape {shape}"
+    return f"an object of the class {type(value).__name__}"
 
 
 _ALLOWED = {

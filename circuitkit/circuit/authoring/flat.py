@@ -72,7 +72,7 @@ def parameter_unit(neuron: Neuron | Population, parameter: ModelParameter | Mode
     activation = neuron.activation_unit
     dimension = parameter.unit_rule.dimension(activation.dimension)
     if dimension == _PER_ANGLE and activation.symbol.isalpha():  # per degree, for nobody thinks in radians
-        return parse_unit(f"/{activation.symbol}")
+        return DIMENSIONLESS.over(activation)
     return shown_unit(parameter, dimension, activation)
 
 

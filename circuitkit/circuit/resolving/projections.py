@@ -161,6 +161,7 @@ class _Making:
                 initial=start(model, {**values, "weight": weights}) if model.states else {},
                 delay_s=delay,
                 gate=gate,
+                weight_unit=None if through else weight.unit,
                 origin=item.origin,
             )
 

@@ -189,6 +189,7 @@ class _Wiring:
                     initial=start(model, {**values, "weight": scaled}) if model.states else {},
                     delay_s=delay,
                     gate=self.gate,
+                    weight_unit=None if through else weight.unit,
                     origin=origin,
                 )
 

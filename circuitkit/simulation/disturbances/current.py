@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import MetresPerSecond, Seconds
 from circuitkit.robots import RobotModel, Worlds
 from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
@@ -35,6 +36,13 @@ class Current(Disturbance):
 
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:  # noqa: ARG002 - all robots
         """Set the wind of every world when it begins, and back when it ends."""
+        option = effects.robot.model.opt
+        if not option.density and not option.viscosity:
+            message = "the MJCF has neither density nor viscosity, so that nothing feels a current"
+            allowed = (
+                'an MJCF with <option density="1000" viscosity="0.0009"/> for water, 1.2 and 0.00002 for air'
+            )
+            raise InputError(Problem("", 0, 0, where, f"{message}; allowed: {allowed}"))
         if self.changes_model:
             return
         first, last = effects.window(self.start, self.duration, where)

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import AnyQuantity, Ratio, Seconds
 from circuitkit.control import Array
 from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
@@ -43,9 +42,6 @@ class Fault(Disturbance):
     def act(self, effects: Effects, robots: Sequence[int], where: str) -> None:  # noqa: ARG002 - all robots
         """Change what the controller reads from the first tick of the fault to the last."""
         first, last = effects.window(self.start, self.duration, where)
-        if first >= effects.ticks:
-            message = f"the fault starts at {first * effects.step_s:g} s; allowed: before the end of the run"
-            raise InputError(Problem("", 0, 0, f"{where}.start", message))
         columns, names = effects.columns_of(self.channel, f"{where}.channel")
         spike = 0.0
         if self.value is not None:

@@ -51,6 +51,10 @@ class Jitter(Disturbance):
         return self
 
     @property
+    def begins(self) -> None:
+        """It has no beginning: `start` is by how much that of pushes differs."""
+
+    @property
     def reach_m(self) -> tuple[float, float]:
         """How far the base may start from its place, forward and to the left."""
         return self.position if isinstance(self.position, tuple) else (self.position, self.position)

@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document
 from circuitkit.robots import RobotModel
-from circuitkit.robots.model import hold_at, start_state
+from circuitkit.robots.model import hold_at, no_keyframe, start_state
 from circuitkit.simulation.reference import Motion, Reference
 
 
@@ -37,7 +37,6 @@ class Key(Reference):
         model = robot.model
         names = [model.key(i).name for i in range(model.nkey)]
         if self.name not in names:
-            message = f"the MJCF has no keyframe '{self.name}'; allowed: {listing(names)}"
-            raise InputError(Problem("", 0, 0, "reference.key", message, suggest(self.name, names)))
+            raise InputError(Problem("", 0, 0, "reference.key", *no_keyframe(self.name, names)))
         key, start = model.key(self.name), start_state(model, self.name)
         return Motion(hold_at(robot, key.qpos, key.ctrl, start.act)[np.newaxis], key.qpos.copy(), start=start)

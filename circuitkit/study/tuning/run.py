@@ -38,6 +38,7 @@ class Tuned:
         test: What the test says of it; None if the search was ended early.
         start: The first candidate, if it could be measured.
         path: The tuned file.
+        kept: What is kept and how to go on, if the search was ended early.
     """
 
     history: History
@@ -46,6 +47,7 @@ class Tuned:
     test: Score | None
     start: Trial | None
     path: Path
+    kept: str = ""
 
     def row(self) -> dict[str, Any]:
         """The result for JSON."""
@@ -128,14 +130,22 @@ def tune(
             before=reporter.generation,
         )
         if not any(trial.value is not None for trial in history.trials) and history.interrupted:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(kept_in(history, storage or f"'{folder}'"))
         best, confirmed, test = _chosen(tuning, history, parts, opened, reporter)
     write_table(tuning, history, folder / "trials.csv")
     for suffix in ("png", "pdf"):
         draw_history(tuning, history, best, search.size, folder / f"history.{suffix}")
     write_result(tuning, best.settings, provenance(tuning, history, best, confirmed, test), path)
     start = next((trial for trial in history.trials if trial.number == 0 and trial.value is not None), None)
-    return Tuned(history, best, confirmed, test, start, path)
+    kept = kept_in(history, storage or f"'{folder}'") if history.interrupted else ""
+    return Tuned(history, best, confirmed, test, start, path, kept)
+
+
+def kept_in(history: History, place: str) -> str:
+    """What a tuning that was stopped has kept, and how to go on."""
+    count = len(history.trials)
+    kept = "1 candidate is" if count == 1 else f"{count} candidates are"
+    return f"{kept} kept in {place}; --resume (resume=True) goes on with the tuning"
 
 
 def _file_of(tuning: Tuning) -> Path:

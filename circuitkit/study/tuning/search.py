@@ -10,15 +10,13 @@ from __future__ import annotations
 import importlib
 import json
 import math
-import signal
 import sqlite3
-import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
@@ -31,6 +29,7 @@ from circuitkit.base.errors import (
 )
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.space import Searched, texts
+from circuitkit.study.workers import whole
 
 try:
     import optuna
@@ -42,8 +41,6 @@ except ImportError as missing:  # an extra
 
 Candidate = Mapping[str, str]
 Evaluate = Callable[[Sequence[Candidate]], Sequence[Score | CircuitkitError]]
-
-T = TypeVar("T")
 
 _DEFINITION = "circuitkit:definition"
 _KNOWN = "circuitkit:measured"
@@ -186,11 +183,11 @@ def run_search(
     proposer = _Proposer(search, study)
     history = _history(search, study)
     try:
-        while generation := _whole(partial(proposer.propose, trials)):
+        while generation := whole(partial(proposer.propose, trials)):
             if before is not None:
                 before(history, len(generation))
             scores = evaluate([texts(search.parameters, trial.params) for trial in generation])
-            _whole(partial(_keep_all, search, study, generation, scores))
+            whole(partial(_keep_all, search, study, generation, scores))
             history = _history(search, study)
             failures = [score for score in scores if isinstance(score, CircuitkitError)]
             if len(failures) == len(generation):
@@ -211,6 +208,7 @@ def _open(search: Search, storage: str, folder: Path | None, *, resume: bool) ->
     try:
         database = _database(storage)
         names = optuna.get_all_study_names(database)
+        resume = resume or _is_untouched(search, database, names)
         if search.name in names and not resume:
             option, place = ("--storage", storage) if folder is None else ("--output", f"'{folder}'")
             message = f"found a study '{search.name}' in {place} already"
@@ -234,6 +232,15 @@ def _open(search: Search, storage: str, folder: Path | None, *, resume: bool) ->
         hint = f"undo the change, or begin anew in another {other}"
         raise InputError(Problem("", 0, 0, "--resume", message, hint))
     return study
+
+
+def _is_untouched(search: Search, database: optuna.storages.RDBStorage, names: Sequence[str]) -> bool:
+    """Whether the study was stopped before any candidate was measured, and is still the same."""
+    if search.name not in names:
+        return False
+    study = optuna.load_study(study_name=search.name, storage=database)
+    before = study.user_attrs.get(_DEFINITION)
+    return before in {None, search.definition} and not _history(search, study).trials
 
 
 def _database(url: str) -> optuna.storages.RDBStorage:
@@ -336,21 +343,6 @@ def _keep_all(
     """Keep the scores of a generation."""
     for trial, score in zip(generation, scores, strict=True):
         _keep(search, study, trial, score)
-
-
-def _whole(work: Callable[[], T]) -> T:
-    """Do something in the storage that a Ctrl-C shall not cut in two; it takes effect afterwards."""
-    if threading.current_thread() is not threading.main_thread():
-        return work()
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        result = work()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
-    return result
 
 
 def _keep(search: Search, study: optuna.Study, trial: FrozenTrial, score: Score | CircuitkitError) -> None:
