@@ -70,6 +70,7 @@ class CircuitController:
             *_strangers("outputs", outputs, graph.outputs),
             *_mismatches("input", graph.inputs, readable, inputs, "channel"),
             *_mismatches("output", graph.outputs, interface.commands, outputs, "command"),
+            *_written_twice(graph.outputs, outputs),
             *_other_step(graph, interface.step_s),
         ]
         if problems:
@@ -206,6 +207,20 @@ def _mismatches(
                 "or like it"
             )
             yield Problem(*place, where, message)
+
+
+def _written_twice(nodes: Iterable[OutputNode], joined: Mapping[str, str | None]) -> Iterable[Problem]:
+    """Outputs that write a command which another one writes."""
+    writers: dict[str, str] = {}
+    for node in nodes:
+        command = joined.get(node.name, node.name)
+        if command is not None and writers.setdefault(command, node.name) != node.name:
+            message = (
+                f"found the command '{command}', which the output '{writers[command]}' writes; "
+                "allowed: one output for each command"
+            )
+            hint = "an output may read out several neurons: their sum"
+            yield Problem("", 0, 0, f"connect.outputs.{node.name}", message, hint)
 
 
 def _other_step(graph: CircuitGraph, step_s: float) -> Iterable[Problem]:

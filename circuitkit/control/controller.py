@@ -123,6 +123,8 @@ def require_controller(given: object) -> Controller:
             problems.append(_problem(found, f"a tuple of names, such as {example}", key))
         elif strange := [each for each in found if not isinstance(each, str)]:
             problems.append(_problem(strange[0], f"a tuple of names, such as {example}", key))
+        elif len(set(found)) < len(found):
+            problems.append(_problem(found, "each name once", key))
     called = (key for key in _CALLED if key not in missing and not callable(getattr(given, key)))
     problems += [_problem(getattr(given, key), "a method", key) for key in called]
     if not isinstance(name := getattr(given, "name", ""), str):

@@ -5,6 +5,7 @@ A kind is a module in `disturbances`: a model of what the file says, and `act`, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ from circuitkit.robots.parts import sensor_at, unit_of_sensor
 from circuitkit.simulation.reference import Moment, Reference
 
 Mask = NDArray[np.bool_]
+_ROUNDING = 1e-9  # of a control step
 
 
 def _start(value: object, info: ValidationInfo) -> object:
@@ -337,17 +339,25 @@ class Effects:
     def window(self, start: Any, duration: float | None, where: str) -> tuple[int, int]:  # noqa: ANN401 - as above
         """First tick and one past the last tick of something; to the end without a duration.
 
+        Its ticks are the control steps that begin in the window: k with start <= k dt < start + duration.
+
         Raises:
-            InputError: It begins at no moment before the end, or is over before the first tick.
+            InputError: It begins at no moment before the end, or no control step begins in it.
         """
         begin = self.moment(start, where).time_s
-        first = min(round(begin / self.step_s), self.ticks - 1)
-        last = self.ticks if duration is None else round((begin + duration) / self.step_s)
+        first = self._tick_from(begin)
+        last = self.ticks if duration is None else min(self._tick_from(begin + duration), self.ticks)
         if last <= first:
-            message = f"found {duration:g} s, which no control step of {self.step_s:g} s falls into"
-            allowed = "as long as a control step, or longer"
-            raise InputError(Problem("", 0, 0, f"{where}.duration", f"{message}; allowed: {allowed}"))
-        return first, min(last, self.ticks)
+            found = f"from {begin:g} s on" if duration is None else f"{begin:g} s to {begin + duration:g} s"
+            message = f"found {found}, in which no control step of {self.step_s:g} s begins"
+            key = "start" if duration is None else "duration"
+            allowed = "at least one, such as with a duration of a control step or longer"
+            raise InputError(Problem("", 0, 0, f"{where}.{key}", f"{message}; allowed: {allowed}"))
+        return first, last
+
+    def _tick_from(self, time_s: float) -> int:
+        """The first control step that does not begin before a time; a rounding error before it counts."""
+        return math.ceil(time_s / self.step_s - _ROUNDING)
 
     def columns_of(self, pattern: str, where: str) -> tuple[list[int], list[str]]:
         """What a pattern over channels means: columns of `sensordata`, and channels that are more than one.

@@ -204,3 +204,15 @@ def test_all_that_does_not_fit_is_said_at_once():
     text = CIRCUIT.replace("gyro_x", "gyro").replace("  ankle_roll:", "  hip_roll:")
     said = complaints(text, 0.02)
     assert [line.split(": ")[1] for line in said] == ["inputs.gyro", "outputs.hip_roll", "control_step"]
+
+
+def test_two_outputs_cannot_write_one_command():
+    text = CIRCUIT + "  lean: {unit: deg, readout: {a: 1 deg}}\n"
+    with pytest.raises(InputError) as caught:
+        bound(graph(text), connect={"outputs": {"lean": "ankle_roll"}})
+    (problem,) = caught.value.problems
+    assert problem.where == "connect.outputs.lean"
+    assert problem.message == (
+        "found the command 'ankle_roll', which the output 'ankle_roll' writes; "
+        "allowed: one output for each command"
+    )

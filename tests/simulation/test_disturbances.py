@@ -332,6 +332,29 @@ def test_zero_stuck_and_spike(cart, channel):
         assert np.ptp(true[inside]) > 1e-4
 
 
+@settings(max_examples=40)
+@given(start_ms=st.integers(0, 180), duration_ms=st.integers(1, 60))
+def test_a_fault_is_in_the_control_steps_that_begin_in_its_time(cart, start_ms, duration_ms):
+    fault = Fault(channel="place", reading="missing", start=start_ms / 1e3, duration=duration_ms / 1e3)
+    expected = [tick for tick in range(20) if start_ms <= 10 * tick < start_ms + duration_ms]
+    if not expected:
+        with pytest.raises(
+            InputError, match=r"in which no control step of 0\.01 s begins; allowed: at least one"
+        ):
+            read(cart, fault, duration_s=0.2)
+        return
+    controller = Told(("place",), force=3.0)
+    run(cart, controller, [fault], duration_s=0.2)
+    missing = np.isnan(np.array(controller.seen)[:, 0, 0])
+    np.testing.assert_array_equal(np.flatnonzero(missing), expected)
+
+
+def test_what_outlasts_the_run_needs_no_memory_beyond_it(puck):
+    """1 N for 0.2 s on 2 kg; the channels are one time step of 1 ms older than the end."""
+    push = Push(body="puck", force=1.0, direction="forward", start=0.1, duration=1e12)
+    assert velocity(run(puck, disturbances=[push], duration_s=0.3))[0] == pytest.approx(0.199 / 2, rel=1e-9)
+
+
 def test_dropped_ticks_are_missing_with_their_chance_each_robot_by_itself(cart):
     seen, _ = read(
         cart, Fault(channel="place", reading="dropped", chance=0.3), duration_s=4.0, seeds=tuple(range(6))
@@ -648,14 +671,14 @@ def test_a_disturbance_that_starts_at_the_end_or_later_is_refused(swimming, make
 
 
 @pytest.mark.parametrize("make", BEGINNING[:-1])
-@pytest.mark.parametrize("start", [0.0, 0.5])
-def test_a_disturbance_that_no_control_step_sees_is_refused(swimming, make, start):
+@pytest.mark.parametrize(("start", "found"), [(0.001, "0.001 s to 0.003 s"), (0.501, "0.501 s to 0.503 s")])
+def test_a_disturbance_that_no_control_step_sees_is_refused(swimming, make, start, found):
     disturbance = make(start=start, duration=0.002)
     with pytest.raises(InputError) as caught:
         run(swimming, Told(("place",), force=0.0), [disturbance], duration_s=1.0, step_s=0.01)
     assert str(caught.value) == (
-        f"disturbances[0].{disturbance.kind}.duration: found 0.002 s, which no control step of 0.01 s falls "
-        "into; allowed: as long as a control step, or longer"
+        f"disturbances[0].{disturbance.kind}.duration: found {found}, in which no control step of 0.01 s "
+        "begins; allowed: at least one, such as with a duration of a control step or longer"
     )
 
 
@@ -664,10 +687,12 @@ def test_a_move_at_the_end_is_refused(puck):
         run(puck, disturbances=[Move(body="puck", velocity=(1.0, 0.0, 0.0), start=2.0)], duration_s=1.0)
 
 
-def test_what_starts_within_the_last_tick_acts_in_it(cart):
-    fault = Fault(channel="place", reading="missing", start=0.996)
+def test_what_starts_with_the_last_tick_acts_in_it_and_after_it_is_refused(cart):
+    fault = Fault(channel="place", reading="missing", start=0.99)
     recording = run(cart, Told(("place",), force=1.0), [fault], duration_s=1.0, step_s=0.01)
     assert np.flatnonzero(np.isnan(recording.observations[:, 0, 0])).tolist() == [99]
+    with pytest.raises(InputError, match=r"fault.start: found from 0.996 s on, in which no control step"):
+        run(cart, Told(("place",)), [fault.model_copy(update={"start": 0.996})], duration_s=1.0, step_s=0.01)
 
 
 @pytest.mark.parametrize("when", [{}, {"start": 0.1}])

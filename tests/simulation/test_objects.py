@@ -269,6 +269,8 @@ def told(**changes):
             "such as ('angle',)"),
         (told(commands=["force", 3]), "controller.commands: found 3; allowed: a tuple of names, such as "
             "('yaw', 'speed')"),
+        (told(commands=("force", "force")), "controller.commands: found a list of 2; "
+            "allowed: each name once"),
         (told(step=None), "controller.step: found nothing; allowed: a method"),
         (told(name=3), "controller.name: found 3; allowed: a text"),
         (Returning(None), f"controller.step: found nothing; allowed: {SHAPE}"),

@@ -156,7 +156,7 @@ def _pushes_of(effects: Effects) -> dict[int, list[_Acting]]:
 
     def finish(effects: Effects) -> None:
         for body, entries in pushes.items():
-            made = _body_force(body, entries, effects.batch, effects.step_s)
+            made = _body_force(body, entries, effects)
             effects.forces.append(made)
             effects.on_worlds.append(made.hook())
 
@@ -164,10 +164,11 @@ def _pushes_of(effects: Effects) -> dict[int, list[_Acting]]:
     return pushes
 
 
-def _body_force(body: int, entries: list[_Acting], batch: int, dt: float) -> BodyForce:
+def _body_force(body: int, entries: list[_Acting], effects: Effects) -> BodyForce:
     """Forces of each tick; where a push covers a part of a tick, that part of its force acts all through."""
+    batch, dt = effects.batch, effects.step_s
     first = int(min(entry.start_s for entry in entries) / dt)
-    last = int(np.ceil(max(entry.end_s for entry in entries) / dt))
+    last = min(int(np.ceil(max(entry.end_s for entry in entries) / dt)), effects.ticks)
     begin = (first + np.arange(last - first + 1)) * dt
     forces = np.zeros((len(begin), batch, 3))
     torques = np.zeros_like(forces) if any(e.point_m.any() or e.torque.any() for e in entries) else None
