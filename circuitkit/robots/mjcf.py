@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import mujoco
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.source import Place
 from circuitkit.robots.spec import Robot, Servo
 
 HINGE, SLIDE, FREE = (
@@ -108,6 +109,8 @@ def _tell(path: str, text: str) -> None:
 _TURNING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 _OF_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _OFF = mujoco.mjtLimited.mjLIMITED_FALSE
+_STEPS = (2e-3, 1e-3, 0.5e-3, 0.2e-3, 0.1e-3)  # time steps to advise, [s]
+_BOUND, _WELL_BELOW = 2.0, 1.5  # see warn_of_servos
 
 
 def add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, float]:  # noqa: ANN401 - MjSpec is not typed
@@ -143,6 +146,49 @@ def add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, floa
     return {joint: servo.stiffness for joint, servo in chosen.items()}
 
 
+def _servos_place(robot: Robot, number: int) -> Place:
+    """Where in the robot file the servos in use have their entry of a number."""
+    if isinstance(robot.servos, Mapping):
+        return ("servos", robot.servo_profile or next(iter(robot.servos)), number)
+    return ("servos", number)
+
+
+def warn_of_servos(model: mujoco.MjModel, robot: Robot) -> None:
+    """Warn of servos of the robot file that shake by themselves, because Euler's method takes too long steps.
+
+    A servo of stiffness k and damping d on an inertia I, of which the next velocity is computed from the last
+    one, is stable as long as d h / I + k h^2 / (2 I) < 2, with h the time step. Implicit methods compute the
+    damping from the next velocity and have no such bound for it.
+    """
+    if model.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER:
+        return
+    step = float(model.opt.timestep)
+    for number, servo in enumerate(robot.servos_in_use):
+        shaking = []
+        for joint in range(model.njnt):
+            name = model.joint(joint).name
+            owner = next(
+                (s for s in robot.servos_in_use if any(fnmatchcase(name, p) for p in s.joints)), None
+            )
+            if owner is servo and int(model.jnt_type[joint]) in {HINGE, SLIDE}:
+                agile = float(model.dof_invweight0[model.jnt_dofadr[joint]])
+                shaking.append(((servo.damping * step + servo.stiffness * step**2 / 2) * agile, name, agile))
+        gain, name, agile = max(shaking, default=(0.0, "", 0.0))
+        if gain <= _BOUND:
+            continue
+        bearable = [
+            h for h in _STEPS if (servo.damping * h + servo.stiffness * h**2 / 2) * agile < _WELL_BELOW
+        ]
+        shorter = f"timestep: {bearable[0] * 1e3:g} ms, " if bearable else ""
+        robot.warn(
+            _servos_place(robot, number),
+            f"the servo of '{name}' shakes by itself: Euler's method in steps of {step * 1e3:g} ms does not "
+            f"bear a damping of {servo.damping:g} and a stiffness of {servo.stiffness:g} on an inertia of "
+            f"{1 / agile:.2g} kg m^2; allowed: integrator: implicitfast in the robot file, {shorter}or less "
+            "damping",
+        )
+
+
 def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:  # noqa: ANN401 - as above
     """The servo of each joint that gets one."""
     wanted = robot.servos_in_use
@@ -155,14 +201,13 @@ def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:
     for i, servo in enumerate(wanted):
         for pattern in servo.joints:
             if not any(fnmatchcase(name, pattern) for name in names):
-                where = (
-                    ("servos", robot.servo_profile, i) if isinstance(robot.servos, Mapping) else ("servos", i)
-                )
                 message = (
                     f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern "
                     "with *"
                 )
-                problems.append(robot.problem((*where, "joints"), message, suggest(pattern, names)))
+                problems.append(
+                    robot.problem((*_servos_place(robot, i), "joints"), message, suggest(pattern, names))
+                )
     return chosen
 
 

@@ -23,7 +23,16 @@ from circuitkit.circuit.expressions.dimensions import (
 from circuitkit.circuit.expressions.expression import Call, Expression
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
-from circuitkit.robots.mjcf import FREE, HINGE, SLIDE, add_servos, compile_mjcf, flex_bodies, read_mjcf
+from circuitkit.robots.mjcf import (
+    FREE,
+    HINGE,
+    SLIDE,
+    add_servos,
+    compile_mjcf,
+    flex_bodies,
+    read_mjcf,
+    warn_of_servos,
+)
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
 from circuitkit.robots.spec import ChannelSpec, Robot
 
@@ -174,6 +183,8 @@ def build_model(
     problems: list[Problem] = []
     if robot.timestep is not None:
         mj.option.timestep = robot.timestep
+    if robot.integrator is not None:
+        mj.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{robot.integrator.upper()}")
     servos = add_servos(mj, robot, problems)
     sensors = Sensors(mj)
     prepared = _prepared(mj, robot, problems)
@@ -186,6 +197,7 @@ def build_model(
     weighs = mj.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     mj.compiler.discardvisual = not (looks or sees or weighs or len(mj.cameras) > 0)
     model = compile_mjcf(mj, robot.mjcf_path)
+    warn_of_servos(model, robot)
     start, held = _start(robot, model, servos, problems)
     act = model.key(robot.key).act.copy() if robot.key in _key_names(model) else np.zeros(model.na)
     channels = {name: _channel(name, parts, model) for name, parts in bound.items()}
