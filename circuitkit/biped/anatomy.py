@@ -29,6 +29,7 @@ _CELL_HALF_HEIGHT_M = 0.02
 _CELL_INSET = 0.15  # a cell that nobody places is so much of the sole's length and width inside its corner
 _ALONG = 0.5  # the least part of a joint's axis that must lie along x or y
 _ABOVE_M = 0.3  # the ground is looked for from so far above the torso's origin
+_TILTED_RAD = (np.radians(2.0), np.radians(40.0))  # a sole tilted by so much is drawn so, and not meant so
 _MICRON = 6  # decimals of a measured length, [m]
 _TURNED = 0.01  # how much better a turned torso must fit the roles, for the MJCF's own posture to count
 
@@ -218,6 +219,8 @@ def measured(block: _Block, robot: RobotModel) -> tuple[_Block, Array]:
         update={"joints": joints, "legs": legs, "feet": block.feet.model_copy(update=feet)}
     )
     _place_cells(made, robot.model, pose)
+    for side in SIDES:
+        _warn_of_tilted_sole(made, side, robot, pose)
     return made, pose.upright
 
 
@@ -331,6 +334,18 @@ class _Straight:
         found: Array = self.data.xmat[self.model.body(body).id].reshape(3, 3)
         return found
 
+    def normal(self, body: str) -> Array | None:
+        """Which way a box that is all that a body touches the ground with faces up; None if it is none."""
+        model, number = self.model, int(self.model.body(body).id)
+        solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        geoms = np.flatnonzero(solid & (model.geom_bodyid == number))
+        if len(geoms) != 1 or model.geom_type[geoms[0]] != mujoco.mjtGeom.mjGEOM_BOX:
+            return None
+        axes = self.data.geom_xmat[geoms[0]].reshape(3, 3)
+        upward = axes[:, np.abs(axes[2]).argmax()]
+        found: Array = upward * np.sign(upward[2])
+        return found
+
     def box(self, body: str) -> tuple[Array, Array]:
         """Lowest and highest coordinates of what of a body can touch the ground, from its origin."""
         model, number = self.model, int(self.model.body(body).id)
@@ -406,6 +421,26 @@ def _foot(block: BipedSpec, side: str, pose: _Straight) -> Foot:
         places = [(front, left), (front, right), (rear, left), (rear, right)]  # as CORNERS
         cells = {f"{side}_cell_{corner}": place for corner, place in zip(CORNERS, places, strict=True)}
     return foot.model_copy(update={"sole": sole, "cells": cells})
+
+
+def _warn_of_tilted_sole(block: BipedSpec, side: str, robot: RobotModel, pose: _Straight) -> None:
+    """Warn of a foot whose box is not level when it shall be: the robot would walk on its edge."""
+    foot = getattr(block.feet, side).body
+    up = pose.normal(foot)
+    if up is None:
+        return
+    turns = {"pitch": -np.arctan2(up[0], up[2]), "roll": np.arctan2(up[1], up[2])}
+    kind = max(turns, key=lambda name: abs(turns[name]))
+    role = f"{side}_ankle_{kind}"
+    if not _TILTED_RAD[0] < abs(turns[kind]) < _TILTED_RAD[1] or role not in block.joints:
+        return
+    joint = block.joint(role)
+    offset = np.degrees(joint.offset + (joint.sign or 1) * turns[kind])
+    robot.robot.warn(
+        ("biped", "joints", role),
+        f"the sole of '{foot}' is tilted by {abs(np.degrees(turns[kind])):.1f} deg when the leg is straight; "
+        f"it is level with {{joint: {joint.joint}, offset: {offset:.1f} deg}}",
+    )
 
 
 def _place_cells(block: BipedSpec, model: mujoco.MjModel, pose: _Straight) -> None:

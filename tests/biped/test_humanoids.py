@@ -155,6 +155,31 @@ def test_ankles_softer_than_the_body_falls_are_warned_of(tmp_path, caplog):
     assert text.count("m g h") == 1
 
 
+def test_a_sole_that_is_drawn_tilted_is_warned_of_and_level_with_the_offset_that_is_said(tmp_path, caplog):
+    """Ten degrees toes up, as the feet of the Berkeley Humanoid: the ankle must turn them down again."""
+
+    class Tilted(Humanoid):
+        def _sole(self):
+            quat = " ".join(f"{value:.9g}" for value in turned((0, 1, 0), np.radians(-10)))
+            return super()._sole().replace('<geom type="box"', f'<geom type="box" quat="{quat}"')
+
+    text = said(tmp_path, caplog, Tilted(flipped=("left_ankle_pitch",)))
+    tilted = "the sole of '{0}_foot' is tilted by 10.0 deg when the leg is straight; it is level with "
+    for side, offset in (("left", "-10.0"), ("right", "10.0")):
+        found = tilted.format(side) + f"{{joint: {side}_ankle_pitch, offset: {offset} deg}}"
+        assert f"biped.joints.{side}_ankle_pitch: {found}" in text
+    file = tmp_path / "robot.yaml"
+    for side, offset in (("left", "-10"), ("right", "10")):
+        given = f"{side}_ankle_pitch, offset: "
+        changed = file.read_text(encoding="utf-8").replace(f"{given}-0 rad", f"{given}{offset} deg")
+        file.write_text(changed.replace(f"{given}0 rad", f"{given}{offset} deg"), encoding="utf-8")
+    caplog.clear()
+    legs = biped_of(build_model(load_robot(file))).block.legs
+    assert caplog.text == ""
+    lean = np.radians(10)
+    assert legs.ankle_height == pytest.approx(0.065 * np.cos(lean) + 0.05 * np.sin(lean) + 0.015, abs=1e-5)
+
+
 def test_damping_that_eulers_method_does_not_bear_is_warned_of(tmp_path, caplog):
     """And the warning's two ways out are ones: steps that short, or an implicit method, walk."""
     euler = Humanoid(option='timestep="0.002" integrator="Euler"')
