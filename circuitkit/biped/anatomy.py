@@ -1,6 +1,7 @@
 """Which parts of an MJCF are torso, feet and legs: what a `biped` block says, and measures for what it omits.
 
-All of them are taken in one pose: torso upright, legs straight, every joint of them at its offset.
+All of them are taken in one pose: torso upright, legs straight, every joint of them at its offset. A torso is
+upright where its frame is that of the world, or, where its frame is another one, as it stands in the MJCF.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ _CELL_HALF_HEIGHT_M = 0.02
 _CELL_INSET = 0.15  # a cell that nobody places is so much of the sole's length and width inside its corner
 _ALONG = 0.5  # the least part of a joint's axis that must lie along x or y
 _ABOVE_M = 0.3  # the ground is looked for from so far above the torso's origin
+_TILTED_RAD = (np.radians(2.0), np.radians(40.0))  # a sole tilted by so much is drawn so, and not meant so
 _MICRON = 6  # decimals of a measured length, [m]
+_TURNED = 0.01  # how much better a turned torso must fit the roles, for the MJCF's own posture to count
 
 _OPTIONAL = frozenset({"left_ankle_roll", "right_ankle_roll"})
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -198,8 +201,8 @@ class BipedSpec(BlockSpec):
 _Block = TypeVar("_Block", bound=BipedSpec)
 
 
-def measured(block: _Block, robot: RobotModel) -> _Block:
-    """The block with everything that it leaves open.
+def measured(block: _Block, robot: RobotModel) -> tuple[_Block, Array]:
+    """The block with everything that it leaves open, and the torso's quaternion when it is upright.
 
     Args:
         block: As the robot file has it.
@@ -216,7 +219,9 @@ def measured(block: _Block, robot: RobotModel) -> _Block:
         update={"joints": joints, "legs": legs, "feet": block.feet.model_copy(update=feet)}
     )
     _place_cells(made, robot.model, pose)
-    return made
+    for side in SIDES:
+        _warn_of_tilted_sole(made, side, robot, pose)
+    return made, pose.upright
 
 
 def quarters(cells_m: Array, sole: Sole | None = None) -> Iterator[tuple[Array, list[float]]]:
@@ -255,18 +260,62 @@ def ground_below(model: mujoco.MjModel, torso: int, qpos: Array) -> float:
 
 
 class _Straight:
-    """The pose in which everything is measured, at the world's origin."""
+    """The pose in which everything is measured, at the world's origin.
+
+    Attributes:
+        upright: Quaternion of the torso when it is upright and faces along x.
+    """
 
     def __init__(self, block: BipedSpec, robot: RobotModel) -> None:
         self.model = model = robot.model
         self.data = data = mujoco.MjData(model)
-        base = int(model.jnt_qposadr[model.body_jntadr[model.body(block.torso).id]])
+        self._block = block
+        self._base = base = int(model.jnt_qposadr[model.body_jntadr[model.body(block.torso).id]])
         data.qpos[:] = robot.start_qpos
-        data.qpos[base : base + 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        data.qpos[base : base + 3] = 0.0
         for role in block.roles:
             joint = block.joint(role)
             data.qpos[model.jnt_qposadr[model.joint(joint.joint).id]] = joint.offset
-        mujoco.mj_kinematics(model, data)
+        self.upright = np.array([1.0, 0.0, 0.0, 0.0])
+        plain = self._fit()
+        turned = self._facing_x(model.qpos0[base + 3 : base + 7])
+        if turned is not None:
+            plain_frame, self.upright = self.upright, turned
+            if self._fit() < plain + _TURNED:
+                self.upright = plain_frame
+        self._turn(self.upright)
+
+    def _turn(self, quaternion: Array) -> None:
+        self.data.qpos[self._base + 3 : self._base + 7] = quaternion
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def _fit(self) -> float:
+        """How well the legs are what their roles say: axes along x and y, left is left, feet are below."""
+        self._turn(self.upright)
+        block = self._block
+        axes = [
+            abs(float(self.axis(block.joint(role).joint)[1 if role.endswith("pitch") else 0]))
+            for role in block.roles
+        ]
+        left, right = (self.foot(getattr(block.feet, side).body) for side in SIDES)
+        hip = self.anchor(block.joint("left_hip_pitch").joint)
+        across, down = left - right, hip - left
+        lengths = max(float(np.linalg.norm(across)), 1e-9), max(float(np.linalg.norm(down)), 1e-9)
+        return float(np.mean(axes)) + float(across[1]) / lengths[0] + float(down[2]) / lengths[1]
+
+    def _facing_x(self, start: Array) -> Array | None:
+        """The MJCF's own posture, turned about z so that the axes of the pitches point to the left foot."""
+        self._turn(start)
+        block = self._block
+        left, right = (self.foot(getattr(block.feet, side).body) for side in SIDES)
+        axes = [self.axis(block.joint(role).joint) for role in block.roles if role.endswith("pitch")]
+        along = np.sum([axis * np.sign(axis @ (left - right)) for axis in axes], axis=0)
+        if np.hypot(along[0], along[1]) < _ALONG:
+            return None
+        half = (np.pi / 2 - np.arctan2(along[1], along[0])) / 2
+        found = np.zeros(4)
+        mujoco.mju_mulQuat(found, np.array([np.cos(half), 0.0, 0.0, np.sin(half)]), start)
+        return found
 
     def axis(self, joint: str) -> Array:
         found: Array = self.data.xaxis[self.model.joint(joint).id]
@@ -283,6 +332,18 @@ class _Straight:
     def turned(self, body: str) -> Array:
         """Rows: how much x, y, z of the level foot are along the body's own axes; shape (3, 3)."""
         found: Array = self.data.xmat[self.model.body(body).id].reshape(3, 3)
+        return found
+
+    def normal(self, body: str) -> Array | None:
+        """Which way a box that is all that a body touches the ground with faces up; None if it is none."""
+        model, number = self.model, int(self.model.body(body).id)
+        solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        geoms = np.flatnonzero(solid & (model.geom_bodyid == number))
+        if len(geoms) != 1 or model.geom_type[geoms[0]] != mujoco.mjtGeom.mjGEOM_BOX:
+            return None
+        axes = self.data.geom_xmat[geoms[0]].reshape(3, 3)
+        upward = axes[:, np.abs(axes[2]).argmax()]
+        found: Array = upward * np.sign(upward[2])
         return found
 
     def box(self, body: str) -> tuple[Array, Array]:
@@ -360,6 +421,26 @@ def _foot(block: BipedSpec, side: str, pose: _Straight) -> Foot:
         places = [(front, left), (front, right), (rear, left), (rear, right)]  # as CORNERS
         cells = {f"{side}_cell_{corner}": place for corner, place in zip(CORNERS, places, strict=True)}
     return foot.model_copy(update={"sole": sole, "cells": cells})
+
+
+def _warn_of_tilted_sole(block: BipedSpec, side: str, robot: RobotModel, pose: _Straight) -> None:
+    """Warn of a foot whose box is not level when it shall be: the robot would walk on its edge."""
+    foot = getattr(block.feet, side).body
+    up = pose.normal(foot)
+    if up is None:
+        return
+    turns = {"pitch": -np.arctan2(up[0], up[2]), "roll": np.arctan2(up[1], up[2])}
+    kind = max(turns, key=lambda name: abs(turns[name]))
+    role = f"{side}_ankle_{kind}"
+    if not _TILTED_RAD[0] < abs(turns[kind]) < _TILTED_RAD[1] or role not in block.joints:
+        return
+    joint = block.joint(role)
+    offset = np.degrees(joint.offset + (joint.sign or 1) * turns[kind])
+    robot.robot.warn(
+        ("biped", "joints", role),
+        f"the sole of '{foot}' is tilted by {abs(np.degrees(turns[kind])):.1f} deg when the leg is straight; "
+        f"it is level with {{joint: {joint.joint}, offset: {offset:.1f} deg}}",
+    )
 
 
 def _place_cells(block: BipedSpec, model: mujoco.MjModel, pose: _Straight) -> None:

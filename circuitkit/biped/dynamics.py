@@ -8,7 +8,8 @@ angles of the equations are a first guess, and Newton's method finds those of th
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
+import math
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import mujoco
@@ -17,13 +18,15 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import SimulationError
 from circuitkit.biped.gait import SIDES, Walk
+from circuitkit.biped.gait.pattern import ticks_that_count
 from circuitkit.biped.robot import BipedBody
 
 Array = NDArray[np.float64]
 
 _EXACT = 1e-6  # [m] and [rad]: legs that are off by less are those of the equations
 _CLOSE_M, _CLOSE_RAD = 2e-3, 0.02
-_ROUNDS = 12
+_ROUNDS = 24
+_BOLD = 1e-9  # least damping of a step, for legs with a joint too many
 _FREE = 1e-3  # weight of a direction that the leg has no joint for
 _BASE_DOFS = 6
 _BEYOND_RAD = 0.03  # so far past a joint's stop is still nothing
@@ -59,7 +62,7 @@ class LegKinematics:
         """Axes of each foot's body when the foot is level."""
         robot, data = self._robot, self._data
         data.qpos[:] = robot.start_qpos
-        data.qpos[robot.base_qpos + 3 : robot.base_qpos + 7] = [1.0, 0.0, 0.0, 0.0]
+        data.qpos[robot.base_qpos + 3 : robot.base_qpos + 7] = robot.upright
         data.qpos[robot.qpos_index[robot.leg_servo]] = robot.leg_offset
         mujoco.mj_kinematics(self._model, data)
         return [data.xmat[foot].reshape(3, 3).copy() for foot in robot.feet_id]
@@ -80,11 +83,14 @@ class LegKinematics:
             return positions
         found = positions.copy()
         ahead: Array | None = None
+        counts = ticks_that_count(walk.gait)
         places = np.concatenate([self._model.jnt_qposadr[joints] for joints in self._joints])
         for tick, row in enumerate(found):
             if ahead is not None:  # as far from the equations as a tick ago is a good guess
                 row[places] += ahead
-            self._solve(row, wanted[tick], tick * walk.gait.control_step)
+            self._solve(row, wanted[tick])
+            if tick < counts:
+                self._check(row, wanted[tick], tick * walk.gait.control_step)
             ahead = row[places] - positions[tick, places]
         return found
 
@@ -126,10 +132,16 @@ class LegKinematics:
             weights[5] = _FREE
         return weights
 
-    def _solve(self, row: Array, wanted: Array, time_s: float) -> None:
-        """Find the angles of both legs, in place."""
+    def _solve(self, row: Array, wanted: Array) -> None:
+        """Find the angles of both legs, in place; those that come nearest where a foot is out of reach.
+
+        Newton's method, by the rule of Levenberg and Marquardt: a step that takes a foot further away, as
+        those of a straight leg do, is taken back and made shorter.
+        """
         model, data, robot = self._model, self._data, self._robot
         point, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        places = [model.jnt_qposadr[joints] for joints in self._joints]
+        best = [_Nearest(row[place].copy()) for place in places]
         for _ in range(_ROUNDS):
             data.qpos[:] = row
             mujoco.mj_kinematics(model, data)
@@ -137,14 +149,14 @@ class LegKinematics:
             errors = [self._weighted(side, wanted) for side in range(2)]
             # A second time, so that a direction without a joint keeps nobody from being done.
             if all(np.abs(errors[side] * self._weights[side]).max() < _EXACT / 10 for side in range(2)):
-                break
+                return
             for side, joints in enumerate(self._joints):
                 mujoco.mj_jacBody(model, data, point, turn, robot.feet_id[side])
                 columns = model.jnt_dofadr[joints]
                 slopes = np.vstack([point[:, columns], turn[:, columns]]) * self._weights[side][:, None]
-                square = slopes.T @ slopes + 1e-9 * np.eye(len(joints))
-                row[model.jnt_qposadr[joints]] += np.linalg.solve(square, slopes.T @ errors[side])
-        self._check(row, wanted, time_s)
+                row[places[side]] = best[side].next(row[places[side]], errors[side], slopes)
+        for place, found in zip(places, best, strict=True):
+            row[place] = found.angles
 
     def _check(self, row: Array, wanted: Array, time_s: float) -> None:
         self._data.qpos[:] = row
@@ -159,15 +171,19 @@ class LegKinematics:
                 )
                 raise SimulationError(message)
 
-    def check_stops(self, positions: Array) -> None:
+    def check_stops(self, positions: Array, walk: Walk) -> None:
         """Complain about a joint of the legs that would have to turn past its stop.
+
+        Args:
+            positions: Along the walk; shape (T, nq).
+            walk: The walk.
 
         Raises:
             SimulationError: One would.
         """
         model = self._model
         for joint in (j for joints in self._joints for j in joints if model.jnt_limited[j]):
-            angles = positions[:, model.jnt_qposadr[joint]]
+            angles = positions[: ticks_that_count(walk.gait), model.jnt_qposadr[joint]]
             low, high = model.jnt_range[joint]
             if angles.min() < low - _BEYOND_RAD or angles.max() > high + _BEYOND_RAD:
                 message = (
@@ -190,6 +206,29 @@ def _hinges(model: mujoco.MjModel, body: int, torso: int) -> list[int]:
     return found
 
 
+@dataclass
+class _Nearest:
+    """The angles of a leg that brought its foot nearest so far, and how bold the next step from them is."""
+
+    angles: Array
+    cost: float = math.inf
+    damping: float = _BOLD
+    errors: Array = field(default_factory=lambda: np.zeros(6))
+    slopes: Array = field(default_factory=lambda: np.zeros((6, 0)))
+
+    def next(self, angles: Array, errors: Array, slopes: Array) -> Array:
+        """Angles to try next, after those that were tried last and what came of them."""
+        cost = float(errors @ errors)
+        if cost < self.cost:
+            self.angles, self.cost, self.errors, self.slopes = angles.copy(), cost, errors, slopes
+            self.damping = max(self.damping / 10, _BOLD)
+        else:
+            self.damping *= 30
+        square = self.slopes.T @ self.slopes + self.damping * np.eye(len(self.angles))
+        step = np.linalg.solve(square, self.slopes.T @ self.errors)
+        return np.asarray(self.angles + step, dtype=np.float64)
+
+
 class BodyDynamics:
     """Inverse dynamics of a robot whose joints follow a walk exactly, feet flat on the ground.
 
@@ -206,6 +245,9 @@ class BodyDynamics:
         for flag in (disable.mjDSBL_CONSTRAINT, disable.mjDSBL_ACTUATION, disable.mjDSBL_SENSOR):
             self._model.opt.disableflags |= int(flag)
         self._data = mujoco.MjData(self._model)
+        axes = np.zeros(9)
+        mujoco.mju_quat2Mat(axes, robot.upright)
+        self._axes = axes.reshape(3, 3)
 
     def zmp(self, walk: Walk) -> Array:
         """ZMP along the walk, forward and sideways; shape (T, 2), [m]."""
@@ -243,7 +285,7 @@ class BodyDynamics:
         return torques
 
     def _inverse(self, walk: Walk) -> tuple[Array, Array]:
-        """Positions, shape (T, nq), and the generalised forces that they need, shape (T, nv)."""
+        """Positions, shape (T, nq), and the forces that they need, shape (T, nv), all in the world's axes."""
         model, data = self._model, self._data
         positions = generalised_positions(self._robot, walk)
         # The torso keeps upright, so the quaternion is constant and velocities are plain differences.
@@ -260,6 +302,8 @@ class BodyDynamics:
             data.qpos, data.qvel, data.qacc = positions[tick], velocity[tick], acceleration[tick]
             mujoco.mj_inverse(model, data)
             forces[tick] = data.qfrc_inverse
+        # The moment on a free joint is in the axes of its body.
+        forces[:, base + 3 : base + _BASE_DOFS] = forces[:, base + 3 : base + _BASE_DOFS] @ self._axes.T
         return positions, forces
 
 
@@ -274,7 +318,7 @@ def generalised_positions(robot: BipedBody, walk: Walk) -> Array:
     positions[:, place : place + 3] = walk.pelvis_m + robot.origin_m
     positions[:, place] -= legs.hip_offset_x
     positions[:, place + 2] += legs.hip_offset_z
-    positions[:, place + 3 : place + 7] = [1.0, 0.0, 0.0, 0.0]
+    positions[:, place + 3 : place + 7] = robot.upright
     angles = walk.joints_rad[:, robot.leg_column] * robot.leg_sign
     if robot.leg_offset.any():
         angles += robot.leg_offset

@@ -176,7 +176,7 @@ class StandReference(Reference):
 def _torques_and_targets(dynamics: BodyDynamics, body: BipedBody, walk: Walk) -> Array:
     """Torque and angle of every servo along a walk, side by side; shape (T, 2 n)."""
     positions = generalised_positions(body, walk)
-    legs_of(body).check_stops(positions)
+    legs_of(body).check_stops(positions, walk)
     return np.hstack([dynamics.torques(walk), positions[:, body.qpos_index]])
 
 

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from circuitkit.simulation.recording import Recording
     from circuitkit.simulation.result import Result, RunSummary
 
+_UPRIGHT = (
+    "biped upright"  # site of the torso whose axes are the world's when it is upright and faces along x
+)
+_ENOUGH = 1.5  # an ankle of less than so many times m g h hardly carries a walk
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts of the foot
 
 # What a controller may add to the legs, by role: factors of the command's angle.
@@ -90,11 +94,13 @@ class _Prepared:
 
     def finish(self, robot: RobotModel) -> Brought:
         """What a biped brings: channels, commands, and itself."""
-        model, block = robot.model, measured(self.block, robot)
+        model, (block, upright) = robot.model, measured(self.block, robot)
         first = int(model.sensor(self.sensors[0]).adr[0])
+        _turn_imu(model, upright)
         cells = (*block.feet.left.cells, *block.feet.right.cells)
         layout = SensorLayout(cells, block.roles, first, int(model.nsensordata))
-        body = make_body(robot, block, layout)
+        body = make_body(robot, block, layout, upright)
+        _warn_of_soft_ankles(robot, body)
         positions = np.array([*block.feet.left.cells.values(), *block.feet.right.cells.values()])
         joints = [block.joint(role) for role in block.roles]
         zeros = [(float(joint.sign or 1), joint.offset) for joint in joints]
@@ -149,9 +155,8 @@ def _add_sensors(block: BipedBlock, mj: Any) -> tuple[str, ...]:  # noqa: ANN401
 
     for side in SIDES:
         _add_cells(mj, getattr(block.feet, side).body, block.cells(side), block.legs.ankle_height)
-    imu = block.imu
-    if imu is None:
-        imu = mj.body(block.torso).add_site(name="biped imu", group=4).name
+    upright = mj.body(block.torso).add_site(name=_UPRIGHT, group=4).name
+    imu = upright if block.imu is None else block.imu
     for side in SIDES:
         for name in block.cells(side):
             sensor(name, type=kind.mjSENS_TOUCH, objtype=site, objname=f"biped {name}")
@@ -196,6 +201,16 @@ def _add_cells(
         )
 
 
+def _turn_imu(model: mujoco.MjModel, upright: Array) -> None:
+    """Where the torso's frame is turned, measure in axes that are the world's when it is upright."""
+    if upright[0] == 1.0:
+        return
+    site, up = int(model.site(_UPRIGHT).id), int(model.sensor("biped torso_up").id)
+    mujoco.mju_negQuat(model.site_quat[site], upright)
+    model.site_sameframe[site] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
+    model.sensor_objtype[up], model.sensor_objid[up] = int(mujoco.mjtObj.mjOBJ_SITE), site
+
+
 @dataclass(frozen=True, eq=False)
 class BipedBody:
     """A compiled biped, with every name of its block bound to an index.
@@ -214,6 +229,7 @@ class BipedBody:
         leg_sign: For each of them, 1 or -1.
         leg_offset: For each of them, the MJCF's angle at our zero, [rad].
         leg_column: For each of them, its column of `LEG_JOINTS`.
+        upright: Quaternion of the torso when it is upright and faces along x; shape (4,).
         start_qpos: Positions at the start of the robot file; shape (nq,).
         held: Controls that hold them; shape (nu,).
         base_qpos: Place of the torso's position in `qpos`; its quaternion follows.
@@ -237,6 +253,7 @@ class BipedBody:
     leg_sign: Array
     leg_column: NDArray[np.int64]
     leg_offset: Array
+    upright: Array
     start_qpos: Array
     held: Array
     base_qpos: int
@@ -303,8 +320,14 @@ class BipedBody:
         return found
 
 
-def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> BipedBody:
+def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, upright: Array) -> BipedBody:
     """Bind the names of a block to a compiled model.
+
+    Args:
+        robot: The compiled robot.
+        block: Its block, measured.
+        layout: Where its sensors are.
+        upright: Quaternion of the torso when it is upright.
 
     Raises:
         InputError: A joint of the legs has no position servo.
@@ -344,6 +367,7 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
         leg_sign=np.array([float(block.joint(role).sign or 1) for role in block.roles]),
         leg_offset=np.array([block.joint(role).offset for role in block.roles]),
         leg_column=np.array([LEG_JOINTS.index(role) for role in block.roles], dtype=np.int64),
+        upright=upright,
         start_qpos=robot.start_qpos,
         held=robot.held,
         base_qpos=int(model.jnt_qposadr[base]),
@@ -352,6 +376,31 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout) -> Bip
         feet_id=(int(model.body(block.feet.left.body).id), int(model.body(block.feet.right.body).id)),
         mass_kg=float(model.body_subtreemass[torso]),
     )
+
+
+def _warn_of_soft_ankles(robot: RobotModel, body: BipedBody) -> None:
+    """Warn of ankles over which the body falls, whatever their targets are.
+
+    A body of mass m whose centre of mass is h above an ankle of stiffness k is an inverted pendulum on a
+    spring: it stands on that leg if k is more than m g h.
+    """
+    model, data = body.model, mujoco.MjData(body.model)
+    data.qpos[:] = body.start_qpos
+    data.qpos[body.base_qpos + 3 : body.base_qpos + 7] = body.upright
+    data.qpos[body.qpos_index[body.leg_servo]] = body.leg_offset
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    height = data.subtree_com[body.torso_id][2] - data.xpos[body.feet_id[0]][2]
+    falls = body.mass_kg * float(np.linalg.norm(model.opt.gravity)) * float(height)
+    for role in (name for name in body.block.roles if "ankle" in name):
+        stiffness = float(body.stiffness[body.leg_servo[body.block.roles.index(role)]])
+        if stiffness < _ENOUGH * falls:
+            robot.robot.warn(
+                ("biped", "joints", role),
+                f"the servo of '{body.block.joint(role).joint}' has {stiffness:.4g} N*m/rad, and the body "
+                f"falls over this ankle with m g h = {falls:.3g} N*m/rad; walking takes 5 to 10 times that",
+            )
+            return
 
 
 def biped_of(robot: RobotModel) -> BipedBody:

@@ -17,6 +17,7 @@ import mujoco
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.patterns import matches
+from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
 from circuitkit.robots.spec import Robot, Servo
 
@@ -119,6 +120,8 @@ TYPE_NAMES: Mapping[int, str] = {HINGE: "hinge", SLIDE: "slide"}
 _TURNING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 OF_JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _OFF = mujoco.mjtLimited.mjLIMITED_FALSE
+_STEPS = (2e-3, 1e-3, 0.5e-3, 0.2e-3, 0.1e-3)  # time steps to advise, [s]
+_BOUND, _WELL_BELOW = 2.0, 1.5  # see warn_of_servos
 
 
 def add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, float]:  # noqa: ANN401 - MjSpec is not typed
@@ -154,28 +157,66 @@ def add_servos(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, floa
     return {joint: servo.stiffness.value_si for joint, servo in chosen.items()}
 
 
+def _servos_place(robot: Robot, number: int) -> Place:
+    """Where in the robot file the servos in use have their entry of a number."""
+    if isinstance(robot.servos, Mapping):
+        return ("servos", robot.servo_profile or next(iter(robot.servos)), number)
+    return ("servos", number)
+
+
+def warn_of_servos(model: mujoco.MjModel, robot: Robot) -> None:
+    """Warn of servos of the robot file that shake by themselves, because Euler's method takes too long steps.
+
+    A servo of stiffness k and damping d on an inertia I, of which the next velocity is computed from the last
+    one, is stable as long as d h / I + k h^2 / (2 I) < 2, with h the time step. Implicit methods compute the
+    damping from the next velocity and have no such bound for it.
+    """
+    if model.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER:
+        return
+    step = float(model.opt.timestep)
+    for number, servo in enumerate(robot.servos_in_use):
+        stiffness, damping = servo.stiffness.value_si, servo.damping.value_si
+        shaking = []
+        for joint in range(model.njnt):
+            name = model.joint(joint).name
+            owner = next((s for s in robot.servos_in_use if any(matches(name, p) for p in s.joints)), None)
+            if owner is servo and int(model.jnt_type[joint]) in {HINGE, SLIDE}:
+                agile = float(model.dof_invweight0[model.jnt_dofadr[joint]])
+                shaking.append(((damping * step + stiffness * step**2 / 2) * agile, name, agile))
+        gain, name, agile = max(shaking, default=(0.0, "", 0.0))
+        if gain <= _BOUND:
+            continue
+        bearable = [h for h in _STEPS if (damping * h + stiffness * h**2 / 2) * agile < _WELL_BELOW]
+        shorter = f"timestep: {bearable[0] * 1e3:g} ms, " if bearable else ""
+        robot.warn(
+            _servos_place(robot, number),
+            f"the servo of '{name}' shakes by itself: Euler's method in steps of {step * 1e3:g} ms does not "
+            f"bear a damping of {damping:g} and a stiffness of {stiffness:g} on an inertia of "
+            f"{1 / agile:.2g} kg m^2; allowed: integrator: implicitfast in the robot file, {shorter}or less "
+            "damping",
+        )
+
+
 def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:  # noqa: ANN401 - as above
     """The servo of each joint that gets one."""
     wanted = robot.servos_in_use
     kinds = {joint.name: int(joint.type) for joint in mj.joints if joint.type in _TURNING}
     names = list(kinds)
-    profile = robot.servo_profile or next(iter(robot.servos), "")
-    within = ("servos", profile) if isinstance(robot.servos, Mapping) else ("servos",)
     chosen: dict[str, Servo] = {}
     for i, servo in enumerate(wanted):
         mine = [n for n in names if n not in chosen and any(matches(n, p) for p in servo.joints)]
         chosen |= dict.fromkeys(mine, servo)
         for key, message in _misfits(servo, {name: kinds[name] for name in mine}):
-            problems.append(robot.problem((*within, i, key), message))
+            problems.append(robot.problem((*_servos_place(robot, i), key), message))
     for i, servo in enumerate(wanted):
         for pattern in servo.joints:
             if not any(matches(name, pattern) for name in names):
-                where = (*within, i)
                 message = (
                     f"the MJCF has no hinge or slide '{pattern}'; allowed: {listing(names)}, or a pattern "
                     "with *"
                 )
-                problems.append(robot.problem((*where, "joints"), message, suggest(pattern, names)))
+                where = (*_servos_place(robot, i), "joints")
+                problems.append(robot.problem(where, message, suggest(pattern, names)))
     return {name: chosen[name] for name in names if name in chosen}
 
 

@@ -34,6 +34,7 @@ from circuitkit.robots.mjcf import (
     compile_mjcf,
     flex_bodies,
     read_mjcf,
+    warn_of_servos,
 )
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
 from circuitkit.robots.spec import RESERVED, ChannelSpec, Robot
@@ -211,6 +212,8 @@ def build_model(
     problems: list[Problem] = []
     if robot.timestep is not None:
         mj.option.timestep = robot.timestep
+    if robot.integrator is not None:
+        mj.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{robot.integrator.upper()}")
     servos = add_servos(mj, robot, problems)
     sensors = Sensors(mj)
     prepared = _prepared(mj, robot, problems)
@@ -224,6 +227,7 @@ def build_model(
     weighs = mj.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     mj.compiler.discardvisual = not (looks or sees or weighs or len(mj.cameras) > 0)
     model = compile_mjcf(mj, robot.mjcf_path)
+    warn_of_servos(model, robot)
     _require_effects(robot, model, servos, problems)
     qpos, held, start = _start(robot, model, servos, problems)
     channels = {name: _channel(name, parts, model) for name, parts in bound.items()}

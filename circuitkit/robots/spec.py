@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 from pydantic import (
     AfterValidator,
@@ -38,6 +39,7 @@ FILE_NAME = "robot.yaml"
 TIME, ENDED = "t", "ended"
 # Names that mean something else where channels and commands are named, as in measures.
 RESERVED: Mapping[str, str] = {TIME: "the time", ENDED: "whether until ended the run"}
+_LOG = logging.getLogger(__name__)
 
 
 def _unit(text: str) -> str:
@@ -174,6 +176,10 @@ class Robot(FileModel):
     description: str = ""
     mjcf: str = Field(description="The model file, beside this one; nothing in it is changed.")
     timestep: Seconds | None = Field(default=None, gt=0, description="In the place of the MJCF's own.")
+    integrator: Literal["Euler", "RK4", "implicit", "implicitfast"] | None = Field(
+        default=None,
+        description="In the place of the MJCF's own; implicit ones bear more damping in long steps.",
+    )
     key: str | None = Field(default=None, description="Keyframe to start from.")
     hold: Mapping[str, AnyQuantity] = Field(
         default={}, description="Angle or position of joints, at the start and as target of their servos."
@@ -250,11 +256,20 @@ class Robot(FileModel):
             return Problem(str(self.mjcf_path), 1, 1, ".".join(map(str, place)), message, hint)
         return self._document.problem(place, message, hint, offset=offset, at_key=at_key)
 
+    def warn(self, place: Place, message: str) -> None:
+        """Say once that a part of the robot file is allowed, and will hardly do."""
+        _warn_once(str(self.problem(place, message)))
+
     @property
     def given_blocks(self) -> dict[str, Any]:
         """The blocks of plug-ins that the file has, by kind."""
         there = {kind: getattr(self, kind, None) for kind in blocks.kinds}
         return {kind: block for kind, block in there.items() if block is not None}
+
+
+@cache
+def _warn_once(text: str) -> None:
+    _LOG.warning(text)
 
 
 @cache

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from circuitkit.circuit.expressions.expression import (
     BINARY_OPERATORS,
     FUNCTION_ARITY,
+    SCALAR_FUNCTIONS,
     Call,
     Expression,
     Name,
@@ -47,10 +48,14 @@ expressions = st.recursive(
 )
 
 
+# Of zeros without a sign, as `simplify` takes them: -0.0 + 0.0 is 0.0.
+FUNCTIONS = {**SCALAR_FUNCTIONS, "atan2": lambda y, x: math.atan2(y + 0.0, x + 0.0)}
+
+
 def value(expression: Expression, x: float, y: float) -> float:
     """The value, or NaN where there is none."""
     try:
-        found = expression.evaluate({"x": x, "y": y})
+        found = expression.evaluate({"x": x, "y": y}, FUNCTIONS)
     except (ArithmeticError, ValueError):
         return math.nan
     return found if isinstance(found, float | int) else math.nan

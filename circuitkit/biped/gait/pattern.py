@@ -302,6 +302,14 @@ def plan_stand(
     return Walk(gait, schedule, walk.pelvis_m[rows], walk.joints_rad[rows]), then(walk)[rows]
 
 
+def ticks_that_count(gait: GaitSpec) -> int:
+    """How many ticks of the computed walk are ever walked.
+
+    Behind them the body comes to rest over one foot, far to the side; whether legs reach is of no account.
+    """
+    return gait.stand_ticks + (_LEAD_STEPS + _CYCLE_STEPS) * gait.step_ticks
+
+
 def _periodic_rows(gait: GaitSpec, ticks: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For each tick of a long walk, its row in the computed one, and how many cycles it is further on."""
     lead = gait.stand_ticks + _LEAD_STEPS * gait.step_ticks

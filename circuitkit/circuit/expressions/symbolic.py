@@ -50,7 +50,11 @@ def substitute(expression: Expression, replacements: Mapping[str, Expression]) -
 
 @lru_cache(maxsize=4096)
 def simplify(expression: Expression) -> Expression:
-    """Give an expression of the same value, wherever that is finite, without needless constants, 0 and 1."""
+    """Give an expression of the same value, wherever that is finite, without needless constants, 0 and 1.
+
+    As in the mathematics of real numbers, zero has no sign: `-0` becomes 0. Of all functions only `atan2`
+    tells the two apart, where its first argument is zero and the second one is zero or negative.
+    """
     match expression:
         case Unary(operator=sign, operand=operand):
             return _sign(sign, simplify(operand))
