@@ -205,7 +205,7 @@ _TYPOGRAPHY = str.maketrans(
 _FACTOR = re.compile(r"(?P<symbol>[A-Za-z%]+|1)(?:\^(?P<power>-?\d))?")
 _NUMBER = re.compile(
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?)"
-    r"(?:\s+(?P<quotient>1(?:[*/].*)?)|\s*(?P<unit>[^\d.,_:\s].*))?"
+    r"(?:\s+(?P<quotient>1(?:\s*[*/^].*)?)|\s*(?P<unit>[^\d.,_:\s].*))?"
 )
 _MAX_LENGTH = 80
 

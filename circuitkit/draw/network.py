@@ -279,9 +279,9 @@ def parameter_texts(node: Neuron | Population) -> list[str]:
 
 def quantity_text(value_si: PerMember, unit: Unit) -> str:
     """Return SI values in a unit, as one prints them: `-80 mm`, `0.1 /mm`, `7`, `0 to 3 mm`."""
-    symbol = unit.symbol if unit.symbol.startswith("1*") else unit.symbol.removeprefix("1")
+    symbol = unit.symbol.removeprefix("1") if unit.symbol.startswith("1/") else unit.symbol
     shown = _span_text(value_si, unit)
-    return f"{shown} {symbol}" if symbol else shown
+    return shown if symbol == "1" else f"{shown} {symbol}"
 
 
 def _span_text(value_si: PerMember, unit: Unit) -> str:

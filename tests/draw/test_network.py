@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from drawing import assert_nothing_overlaps, dense, layout_of
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from circuitkit.base.source import shipped_names
@@ -69,6 +69,8 @@ def assert_read_back(text, value_si, dimension):
 
 
 @given(above=_UNITS, below=_UNITS, value=st.floats(1e-6, 1e6))
+@example(above=parse_unit("1^2"), below=parse_unit("1"), value=1.0)
+@example(above=parse_unit("1*m"), below=parse_unit("1/s"), value=1.0)
 def test_what_units_are_made_of_others_can_be_read_back(above, below, value):
     quotient = above.over(below)
     again = parse_unit(quotient.symbol)
