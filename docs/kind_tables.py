@@ -22,8 +22,8 @@ from circuitkit.robots import Robot
 from circuitkit.robots.parts import REFERENCES as PARTS_OF_MJCF
 from circuitkit.robots.spec import blocks
 from circuitkit.simulation.disturbance import DISTURBANCES
-from circuitkit.simulation.formulas import REDUCTIONS
 from circuitkit.simulation.measures import MEASURES
+from circuitkit.simulation.reductions import REDUCTIONS
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import scenario_class
 

@@ -17,7 +17,8 @@ from circuitkit.biped.anatomy import BipedSpec, ground_below, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
 from circuitkit.biped.sensing import Array, BipedView, SensorLayout, channels
 from circuitkit.robots import Command, Robot, RobotModel
-from circuitkit.robots.model import Brought, drives_position
+from circuitkit.robots.model import Brought
+from circuitkit.robots.start import drives_position
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,8 +1,9 @@
 """Robots: from an MJCF and a robot file to channels, commands, and batches of robots in MuJoCo."""
 
 from circuitkit.robots.channels import Channel, Observer
-from circuitkit.robots.model import Command, RobotModel, StartState, build_model
+from circuitkit.robots.model import Command, RobotModel, build_model
 from circuitkit.robots.spec import Robot, load_robot, shipped_robots
+from circuitkit.robots.start import StartState
 from circuitkit.robots.worlds import Worlds
 
 __all__ = [

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError, listing, suggest
 from circuitkit.base.patterns import matches
-from circuitkit.base.units import Unit, parse_quantity, parse_unit
+from circuitkit.base.units import Unit, parse_unit
 from circuitkit.circuit.expressions.dimensions import (
     OpenDimension,
     check_dimension,
@@ -25,22 +25,16 @@ from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.channels import Array, Channel, Formula
 from circuitkit.robots.mjcf import (
     FREE,
-    HELD_UNITS,
-    HINGE,
-    OF_JOINT,
-    SLIDE,
-    TYPE_NAMES,
     add_servos,
     compile_mjcf,
-    flex_bodies,
     read_mjcf,
     warn_of_servos,
 )
 from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
 from circuitkit.robots.spec import RESERVED, ChannelSpec, Robot
+from circuitkit.robots.start import StartState, aim, drives_position, of_joint, start_of
 
 _LAST_GROUP = 30  # of actuators that can be disabled, as MuJoCo says
-_ALONG = 0.99  # cosine to an axis from which on a joint goes along it or about it
 
 Complain: TypeAlias = Callable[[str, int], Problem]
 
@@ -62,31 +56,6 @@ class Command:
     factors: Array
     limits: tuple[float, float] | None = None
     description: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class StartState:
-    """What a model starts with beside its positions.
-
-    Attributes:
-        qvel: Velocities; shape (nv,).
-        act: States of actuators, such as muscles; shape (na,).
-        mocap_pos: Places of the mocap bodies; shape (nmocap, 3), [m].
-        mocap_quat: How they stand; shape (nmocap, 4).
-    """
-
-    qvel: Array
-    act: Array
-    mocap_pos: Array
-    mocap_quat: Array
-
-
-def start_state(model: mujoco.MjModel, key: str | None = None) -> StartState:
-    """What a keyframe says beside positions and controls; rest without one."""
-    data = mujoco.MjData(model)
-    if key is not None:
-        mujoco.mj_resetDataKeyframe(model, data, int(model.key(key).id))
-    return StartState(data.qvel.copy(), data.act.copy(), data.mocap_pos.copy(), data.mocap_quat.copy())
 
 
 @dataclass(frozen=True)
@@ -229,7 +198,7 @@ def build_model(
     model = compile_mjcf(mj, robot.mjcf_path)
     warn_of_servos(model, robot)
     _require_effects(robot, model, servos, problems)
-    qpos, held, start = _start(robot, model, servos, problems)
+    qpos, held, start = start_of(robot, model, servos, problems)
     channels = {name: _channel(name, parts, model) for name, parts in bound.items()}
     commands = _commands(robot, model, problems)
     if problems:
@@ -287,14 +256,14 @@ def _read(robot: Robot) -> Any:  # noqa: ANN401 - as above
     return read_mjcf(path)
 
 
-def _moving_parts(model: mujoco.MjModel) -> NDArray[np.int64]:
+def moving_parts(model: mujoco.MjModel) -> NDArray[np.int64]:
     """How many degrees of freedom what hangs on each body of the world has; shape (nbody,)."""
     return np.bincount(model.body_rootid[model.dof_bodyid], minlength=model.nbody)
 
 
 def _base(model: mujoco.MjModel) -> int | None:
     """The free joint that carries most: more moving parts than a loose object, or the heavier of equals."""
-    moving = _moving_parts(model)
+    moving = moving_parts(model)
 
     def load(joint: int) -> tuple[int, float]:
         body = int(model.jnt_bodyid[joint])
@@ -419,178 +388,13 @@ def _require_effects(
             problems.append(robot.problem(("mjcf",), message))
 
 
-def _key_names(model: mujoco.MjModel) -> list[str]:
-    return [model.key(i).name for i in range(model.nkey)]
-
-
-def no_keyframe(name: str, keys: Sequence[str]) -> tuple[str, str]:
-    """What is wrong with the name of a keyframe that is not there, and what to do."""
-    if keys:
-        return f"the MJCF has no keyframe '{name}'; allowed: {listing(keys)}", suggest(name, keys)
-    message = f"found '{name}', but the MJCF has no keyframes; allowed: no key"
-    return message, "hold, such as hold: {JOINT: 10 deg}, puts joints where they start"
-
-
-def _start(
-    robot: Robot, model: mujoco.MjModel, servos: Mapping[str, float], problems: list[Problem]
-) -> tuple[Array, Array, StartState]:
-    """Positions at the start, the controls that hold them, and the rest of the state."""
-    qpos, ctrl, start = model.qpos0.copy(), np.zeros(model.nu), start_state(model)
-    if robot.key is not None:
-        keys = _key_names(model)
-        if robot.key in keys:
-            qpos, ctrl = model.key(robot.key).qpos.copy(), model.key(robot.key).ctrl.copy()
-            start = start_state(model, robot.key)
-        else:
-            problems.append(robot.problem(("key",), *no_keyframe(robot.key, keys)))
-    _aim(model, {int(model.joint(name).id) for name in servos}, qpos, ctrl, start.act)
-    hold_joints(
-        model, robot.hold, qpos, ctrl, start.act,
-        lambda name, *m: problems.append(robot.problem(("hold", name), *m)),
-    )  # fmt: skip
-    return qpos, ctrl, start
-
-
-def _aim(
-    model: mujoco.MjModel, joints: Iterable[int], qpos: Array, ctrl: Array, act: Array
-) -> dict[int, str]:
-    """Let the position actuators of some joints hold the joints' positions from the first moment on.
-
-    Force = k (a - length) + b with the gear's length = gear * position: the target a is length - b / k. It is
-    the control, or the state of an actuator that filters its control; an integrator's state is a, and its
-    control is the speed 0.
-
-    Args:
-        model: The model.
-        joints: Numbers of the joints.
-        qpos: Positions; shape (nq,).
-        ctrl: Controls, changed in place; shape (nu,).
-        act: States of actuators, changed in place; shape (na,).
-
-    Returns:
-        Why a joint is not held, by its number.
-    """
-    chosen, refused = set(joints), {}
-    for i in range(model.nactuator):
-        joint = int(model.actuator_trnid[i, 0])
-        if not of_joint(model, i) or joint not in chosen or not holds_position(model, i):
-            continue
-        length = qpos[model.jnt_qposadr[joint]] * model.actuator_gear[model.actuator_outadr[i], 0]
-        target = length - model.actuator_biasprm[i, 0] / -model.actuator_biasprm[i, 1]
-        if message := _unreachable(model, i, target):
-            refused[joint] = message
-        place, state = int(model.actuator_ctrladr[i]), int(model.actuator_actadr[i])
-        integrates = model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_INTEGRATOR
-        ctrl[place] = 0.0 if integrates else target
-        if _keeps_target(model, i):
-            act[state] = target
-    return refused
-
-
-def _keeps_target(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether the first state of a position actuator is the target that it follows."""
-    if model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_PID:  # its target is limited in speed, or not
-        return bool(model.actuator_dynprm[actuator, 1] > 0)
-    return bool(model.actuator_actnum[actuator] > 0)
-
-
-def _unreachable(model: mujoco.MjModel, actuator: int, target: float) -> str:
-    """Why an actuator cannot hold a target, in its own units; empty if it can."""
-    name, place = model.actuator(actuator).name, int(model.actuator_ctrladr[actuator])
-    integrates = model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_INTEGRATOR
-    bounds = []
-    if model.actuator_ctrllimited[place] and not integrates:
-        bounds.append(("ctrlrange", model.actuator_ctrlrange[place]))
-    if model.actuator_actlimited[actuator] and _keeps_target(model, actuator):
-        bounds.append(("actrange", model.actuator_actrange[actuator]))
-    for word, (low, high) in bounds:
-        if not low <= target <= high:
-            return (
-                f"its actuator '{name}' would have to be told {target:.6g}, and its {word} is {low:g} to "
-                f"{high:g}; allowed: what lies within; or give the joint a servo by servos"
-            )
-    if model.actuator_history[actuator, 0] > 0:
-        return (
-            f"its actuator '{name}' gets its controls late and would let go at first; allowed: an actuator "
-            "without delay; or give the joint a servo by servos"
-        )
-    return ""
-
-
 def hold_at(robot: RobotModel, qpos: Array, ctrl: Array, act: Array) -> Array:
     """The controls of a keyframe; servos that the robot file brings get its positions. Shape (nu,)."""
     held = ctrl.copy()
     if robot.robot.servos_in_use:
         of_servos = [int(robot.model.joint(name).id) for name in robot.servo_joints]
-        _aim(robot.model, of_servos, qpos, held, act)
+        aim(robot.model, of_servos, qpos, held, act)
     return held
-
-
-def hold_joints(
-    model: mujoco.MjModel,
-    hold: Mapping[str, str],
-    qpos: Array,
-    ctrl: Array,
-    act: Array,
-    complain: Callable[..., object],
-) -> None:
-    """Put joints where they shall be held; position actuators that drive them get the target.
-
-    Args:
-        model: The model.
-        hold: Angle or position by joint, as text with unit.
-        qpos: Positions, changed in place; shape (nq,).
-        ctrl: Controls, changed in place; shape (nu,).
-        act: States of actuators, changed in place; shape (na,).
-        complain: Is told the joint, a message and a hint for each that cannot be held.
-    """
-    names = [model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) in {HINGE, SLIDE}]
-    numbers: dict[int, str] = {}
-    for name, text in hold.items():
-        if name not in names:
-            complain(
-                name,
-                f"the MJCF has no hinge or slide '{name}'; allowed: {listing(names)}",
-                suggest(name, names),
-            )
-            continue
-        joint = int(model.joint(name).id)
-        kind = int(model.jnt_type[joint])
-        unit, quantity = HELD_UNITS[kind], parse_quantity(text)
-        if quantity.dimension != unit.dimension:
-            is_a = f"but {name} is a {TYPE_NAMES[kind]}"
-            complain(name, f"found '{text}', {is_a}; allowed: a quantity in {unit} or like it")
-            continue
-        qpos[model.jnt_qposadr[joint]] = quantity.value_si
-        numbers[joint] = name
-    for joint, message in _aim(model, numbers, qpos, ctrl, act).items():
-        complain(numbers[joint], message)
-
-
-def of_joint(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator drives a joint."""
-    return int(model.actuator_trntype[actuator]) in {int(kind) for kind in OF_JOINT}
-
-
-def holds_position(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator pulls its joint to a target: force = k (target - length), and damping.
-
-    The target is its control, or a state that follows the control.
-    """
-    gain, bias = float(model.actuator_gainprm[actuator, 0]), float(model.actuator_biasprm[actuator, 1])
-    if model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_AFFINE:
-        return False
-    if model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_PID:  # its gain is that of the integral
-        inputs = int(model.actuator_ctrlspec[actuator])
-        return bias < 0 and bool(inputs & int(mujoco.mjtCtrlInput.mjINPUT_POS))
-    plain = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-    return bool(plain and gain > 0 and abs(gain + bias) <= 1e-9 * gain)
-
-
-def drives_position(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator's control is a position; that of an integrator is a speed."""
-    integrates = model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_INTEGRATOR
-    return holds_position(model, actuator) and not integrates
 
 
 def servo_numbers(robot: RobotModel, joints: Sequence[str]) -> NDArray[np.int64]:
@@ -609,59 +413,3 @@ def servo_numbers(robot: RobotModel, joints: Sequence[str]) -> NDArray[np.int64]
             kind = "joint with a position servo"
             raise UnknownNameError(kind, name, found)
     return np.array([found[name] for name in joints], dtype=np.int64)
-
-
-class MobileBase:
-    """What carries a robot through the world: a free joint, or slides along x and y and a hinge about z.
-
-    The axes are the world's at the robot's start. Slides may stand on each other, as those of a gantry do.
-
-    Attributes:
-        free: Number of the free joint, if any.
-        dofs: Places in `qvel` of the velocity along x (0) and y (1), as far as there are any.
-        places: Places in `qpos` of the same.
-        signs: 1, or -1 where the slide counts backwards.
-        turn: Number of the hinge about z, if it stands on one.
-        turn_sign: 1, or -1 where that counts to the right.
-    """
-
-    def __init__(self, robot: RobotModel) -> None:
-        """Find it."""
-        model, self.free = robot.model, robot.base
-        self.turn: int | None = None
-        self.turn_sign = 1.0
-        self.dofs: dict[int, int] = {}
-        self.places: dict[int, int] = {}
-        self.signs = {0: 1.0, 1: 1.0}
-        if self.free is not None:
-            start, place = int(model.jnt_dofadr[self.free]), int(model.jnt_qposadr[self.free])
-            self.dofs, self.places = {0: start, 1: start + 1}, {0: place, 1: place + 1}
-            return
-        data = mujoco.MjData(model)
-        data.qpos[:] = robot.start_qpos
-        mujoco.mj_kinematics(model, data)
-        carriages, soft, root = {0}, flex_bodies(model), 0
-        moving = _moving_parts(model)
-        for body in sorted(range(1, model.nbody), key=lambda each: -moving[model.body_rootid[each]]):
-            if int(model.body_parentid[body]) not in carriages or body in soft:
-                continue
-            if root != model.body_rootid[body] and (self.dofs or self.turn is not None):
-                break  # it is one of them that is the robot
-            root = int(model.body_rootid[body])
-            first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-            found = [self._take(model, joint, data.xaxis[joint]) for joint in range(first, first + count)]
-            if count and all(found):
-                carriages.add(body)
-
-    def _take(self, model: mujoco.MjModel, joint: int, axis: Array) -> bool:
-        """Take a joint that moves along x or y, or turns about z; says whether it is a slide of the base."""
-        way = int(np.abs(axis).argmax())
-        if abs(axis[way]) <= _ALONG:
-            return False
-        if model.jnt_type[joint] == SLIDE and way != 2 and way not in self.dofs:  # noqa: PLR2004 - z
-            self.dofs[way], self.places[way] = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
-            self.signs[way] = float(np.sign(axis[way]))
-            return True
-        if model.jnt_type[joint] == HINGE and way == 2 and self.turn is None:  # noqa: PLR2004 - z
-            self.turn, self.turn_sign = joint, float(np.sign(axis[way]))
-        return False

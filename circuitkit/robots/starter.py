@@ -14,9 +14,10 @@ from circuitkit.base.errors import ExpressionError, InputError, Problem
 from circuitkit.base.files import write_text
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.mjcf import HINGE, SERVO_UNITS, SLIDE, compile_mjcf, flex_bodies, read_mjcf
-from circuitkit.robots.model import drives_position, not_for_commands
+from circuitkit.robots.model import not_for_commands
 from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
 from circuitkit.robots.spec import RESERVED
+from circuitkit.robots.start import drives_position
 
 _NO_WORD = re.compile(r"\W+")
 _PLAIN = re.compile(r"[A-Za-z_/][\w.\-/]*")

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.robots.channels import Array
-from circuitkit.robots.model import RobotModel, StartState
+from circuitkit.robots.model import RobotModel
+from circuitkit.robots.start import StartState
 
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _WHOLE = 1e-6  # far below a time step

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Array, Controller, checked_step
 from circuitkit.robots import Channel, Observer, RobotModel, Worlds
-from circuitkit.simulation.disturbance import Effects, Hook, RunSpec
+from circuitkit.simulation.disturbance import RunSpec
+from circuitkit.simulation.effects import Effects, Hook
 from circuitkit.simulation.measures import Judge, Tracker
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.reference import Motion

@@ -15,7 +15,7 @@ from circuitkit.base.source import FileModel
 from circuitkit.base.units import Unit
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
-from circuitkit.simulation.disturbance import Effects
+from circuitkit.simulation.effects import Effects
 from circuitkit.simulation.formulas import Formula, Track, Value
 from circuitkit.simulation.reference import Motion
 

@@ -27,7 +27,7 @@ from circuitkit.draw.style import (
     tidy,
 )
 from circuitkit.draw.traces import Activity, Line, Panel, Span, traces_figure
-from circuitkit.robots.model import MobileBase
+from circuitkit.robots.mobile_base import MobileBase
 from circuitkit.simulation.result import Result, RunSummary, summarise
 
 if TYPE_CHECKING:

@@ -21,7 +21,8 @@ from circuitkit.circuit.expressions.dimensions import named_symbol
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
 from circuitkit.robots.mjcf import HINGE, SLIDE
-from circuitkit.simulation.disturbance import Effects, RunSpec
+from circuitkit.simulation.disturbance import RunSpec
+from circuitkit.simulation.effects import Effects
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.measures import Judge
 from circuitkit.simulation.reference import Motion

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from circuitkit.base.units import Unit
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import BodyForce
 from circuitkit.simulation.disturbances.push import DIRECTIONS, Push
+from circuitkit.simulation.effects import BodyForce
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.measures import SURVIVED
 from circuitkit.simulation.recording import Recording

@@ -15,8 +15,8 @@ from pydantic import BaseModel
 from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnknownNameError
 from circuitkit.control import ControllerSpec
 from circuitkit.simulation import Plan, Reference, RunSpec, Scenario
-from circuitkit.simulation.disturbance import require_before
 from circuitkit.simulation.disturbances.push import Push
+from circuitkit.simulation.effects import require_before
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.plan import Body, Circuits, make_body
 from circuitkit.simulation.scenario import LONGEST_S

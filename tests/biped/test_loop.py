@@ -26,12 +26,12 @@ from circuitkit import parse_circuit
 from circuitkit.biped.anatomy import ForceCells
 from circuitkit.robots import load_robot
 from circuitkit.simulation import RunSpec
-from circuitkit.simulation.disturbance import Hook
 from circuitkit.simulation.disturbances.body import Body
 from circuitkit.simulation.disturbances.delay import Delay
 from circuitkit.simulation.disturbances.jitter import Jitter
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.disturbances.slope import Slope
+from circuitkit.simulation.effects import Hook
 from circuitkit.simulation.loop import run_and_watch, run_loop
 
 JITTER, NOISE = Jitter(start=0.02, velocity=0.01), Noise(channel="*Fsr*", std="0.2 N")

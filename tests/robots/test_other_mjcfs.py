@@ -11,7 +11,7 @@ from small_robots import Told, run
 
 from circuitkit.base.errors import InputError
 from circuitkit.robots import Worlds, build_model, load_robot
-from circuitkit.robots.model import MobileBase
+from circuitkit.robots.mobile_base import MobileBase
 from circuitkit.robots.starter import write_robot_starter
 from circuitkit.simulation import simulate
 

@@ -9,7 +9,7 @@ from small_robots import Told, robot_file, run, small_model, small_robot
 
 from circuitkit.base.errors import InputError
 from circuitkit.robots import build_model, load_robot
-from circuitkit.robots.model import MobileBase
+from circuitkit.robots.mobile_base import MobileBase
 from circuitkit.robots.starter import write_robot_starter
 from circuitkit.simulation.disturbances.actuator import Actuator
 from circuitkit.simulation.disturbances.jitter import Jitter

@@ -576,7 +576,8 @@ from pydantic import Field
 from circuitkit.base.source.fields import Newtons
 from circuitkit.base.units import parse_unit
 from circuitkit.control import ControllerSpec
-from circuitkit.simulation.disturbance import Disturbance, Hook
+from circuitkit.simulation.disturbance import Disturbance
+from circuitkit.simulation.effects import Hook
 from circuitkit.simulation.measures import BoundMeasure, MeasureKind
 from circuitkit.simulation.reference import Motion, Reference
 

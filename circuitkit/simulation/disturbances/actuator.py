@@ -12,8 +12,9 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Ratio, Seconds
 from circuitkit.control import Array
 from circuitkit.robots import RobotModel, Worlds
-from circuitkit.robots.model import holds_position
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start, placed
+from circuitkit.robots.start import holds_position
+from circuitkit.simulation.disturbance import Disturbance, Start
+from circuitkit.simulation.effects import Effects, Hook, placed
 
 _GAIN, _BIAS, _INPUT = mujoco.mjtGain, mujoco.mjtBias, mujoco.mjtCtrlInput
 _PEAK, _SCALE = 2, 3  # of a muscle: its peak force, and what gives it, over acc0, where that is negative

@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 
 from circuitkit.base.source.fields import Kilograms, Ratio
 from circuitkit.robots import RobotModel
-from circuitkit.simulation.disturbance import Disturbance, placed
+from circuitkit.simulation.disturbance import Disturbance
+from circuitkit.simulation.effects import placed
 from circuitkit.simulation.friction import rub
 
 

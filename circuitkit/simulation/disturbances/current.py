@@ -10,7 +10,8 @@ from pydantic import Field
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import MetresPerSecond, Seconds
 from circuitkit.robots import RobotModel, Worlds
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
+from circuitkit.simulation.disturbance import Disturbance, Start
+from circuitkit.simulation.effects import Effects, Hook
 
 
 class Current(Disturbance):

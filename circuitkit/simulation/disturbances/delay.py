@@ -12,7 +12,8 @@ from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.base.patterns import matches
 from circuitkit.base.source.fields import Seconds
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, placed
+from circuitkit.simulation.disturbance import Disturbance
+from circuitkit.simulation.effects import Effects, Hook, placed
 
 
 class Delay(Disturbance):

@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from circuitkit.base.source.fields import AnyQuantity, Ratio, Seconds
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
+from circuitkit.simulation.disturbance import Disturbance, Start
+from circuitkit.simulation.effects import Effects, Hook
 
 
 class Fault(Disturbance):

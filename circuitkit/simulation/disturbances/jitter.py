@@ -13,8 +13,9 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Metres, MetresPerSecond, Radians, Seconds
 from circuitkit.robots import Worlds
 from circuitkit.robots.mjcf import HINGE
-from circuitkit.robots.model import MobileBase
-from circuitkit.simulation.disturbance import Disturbance, Effects
+from circuitkit.robots.mobile_base import MobileBase
+from circuitkit.simulation.disturbance import Disturbance
+from circuitkit.simulation.effects import Effects
 
 _STREAM = 2**16  # of its own, so that it leaves the seeds' other numbers alone
 

@@ -12,7 +12,8 @@ from pydantic import Field, model_validator
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import Metres, MetresPerSecond
 from circuitkit.robots import Worlds
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start, placed
+from circuitkit.simulation.disturbance import Disturbance, Start
+from circuitkit.simulation.effects import Effects, Hook, placed
 
 
 class Move(Disturbance):

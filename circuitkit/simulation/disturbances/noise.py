@@ -13,7 +13,8 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import AnyQuantity, Seconds
 from circuitkit.control import Array
 from circuitkit.robots.parts import sensor_at
-from circuitkit.simulation.disturbance import Disturbance, Effects, Hook, Start
+from circuitkit.simulation.disturbance import Disturbance, Start
+from circuitkit.simulation.effects import Effects, Hook
 
 
 class Noise(Disturbance):

@@ -14,7 +14,8 @@ from circuitkit.base.source import describe
 from circuitkit.base.source.fields import Metres, NewtonMetres, Newtons, Seconds
 from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.control import Array
-from circuitkit.simulation.disturbance import BodyForce, Disturbance, Effects, Lever, Start, placed
+from circuitkit.simulation.disturbance import Disturbance, Start
+from circuitkit.simulation.effects import BodyForce, Effects, Lever, placed
 from circuitkit.simulation.reference import Moment
 
 _HIGHEST_M = 2.0  # above or below a body's centre of mass; beyond, it is a slip of the unit

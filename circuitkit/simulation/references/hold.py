@@ -12,7 +12,7 @@ from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document
 from circuitkit.base.source.fields import AnyQuantity
 from circuitkit.robots import RobotModel
-from circuitkit.robots.model import hold_joints
+from circuitkit.robots.start import hold_joints
 from circuitkit.simulation.reference import Motion, Reference
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source import Document
 from circuitkit.robots import RobotModel
-from circuitkit.robots.model import hold_at, no_keyframe, start_state
+from circuitkit.robots.model import hold_at
+from circuitkit.robots.start import no_keyframe, start_state
 from circuitkit.simulation.reference import Motion, Reference
 
 
