@@ -175,6 +175,9 @@ d: |  # a text
 e: "# no comment"   # a comment
 f: [1,
   2]  # beside f
+g: {h: 1,   # beside h
+    i: {j: 2, k: [3,  # beside 3
+      4]}}   # beside 4
 """
     assert (
         write_commented(read_commented(text), 110)
@@ -201,6 +204,13 @@ d: |  # a text
     in it
 e: "# no comment"  # a comment
 f: [1, 2]          # beside f
+g:
+  h: 1  # beside h
+  i:
+    j: 2
+    k:
+      - 3  # beside 3
+      - 4  # beside 4
 """
     )
 

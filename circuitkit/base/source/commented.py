@@ -272,7 +272,7 @@ def _attach_beside(comment: _Comment, builder: _Builder, starts: list[Position])
         is_block = isinstance(entry.value, Collection) and entry.value not in builder.flows
         same = entry.parent is around if around is not None else entry.parent not in builder.flows
         if ends_here and same and not is_block:
-            entry.beside = comment.text
+            _last_on_the_line(entry, comment.at[0], builder).beside = comment.text
             return True
         if entry.start[0] < comment.at[0] and entry.parent not in builder.flows:
             break
@@ -283,6 +283,17 @@ def _attach_beside(comment: _Comment, builder: _Builder, starts: list[Position])
         return False
     owner.beside_key = comment.text
     return True
+
+
+def _last_on_the_line(entry: Entry, line: int, builder: _Builder) -> Entry:
+    """The entry that stands before a comment: of braces of several lines that cannot stay, their last one."""
+    value = entry.value
+    while isinstance(value, Collection) and not value.flow and value.entries and value in builder.flows:
+        last = value.entries[-1]
+        if builder.flows[value][0][0] == line or last.end[0] != line:
+            break
+        entry, value = last, last.value
+    return entry
 
 
 def _flow_around(at: Position, builder: _Builder, starts: list[Position]) -> Collection | None:
