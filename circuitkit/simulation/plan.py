@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError
+from circuitkit.base.reading import is_file
 from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.circuit.silencing import silence
@@ -148,7 +149,7 @@ class Plan:
             return CircuitController(self.circuits.used, connect=connect, backend=self.backend)
         file = self.scenario.file(name)
         path = Path(file)
-        bare = not path.suffix and len(path.parts) == 1 and not path.is_file()
+        bare = not path.suffix and len(path.parts) == 1 and not is_file(path)
         if bare and file not in shipped_controllers():
             kind = "controller"
             raise UnknownNameError(kind, name, (*BUILT_IN, *shipped_controllers()))

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError, listing, suggest
+from circuitkit.base.reading import is_file
 from circuitkit.base.source import (
     Data,
     Document,
@@ -379,7 +380,7 @@ def beside(document: Document, name: str) -> str:
     """A file that a study names, from the study's own folder if it is a relative path and lies there."""
     path = Path(name)
     there = Path(document.path).parent / path
-    return str(there) if path.suffix and not path.is_absolute() and there.is_file() else name
+    return str(there) if path.suffix and not path.is_absolute() and is_file(there) else name
 
 
 def cell_of(chosen: Mapping[str, AxisValue]) -> Cell:

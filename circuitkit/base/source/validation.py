@@ -160,7 +160,7 @@ def _misspelt(
         return
     keys, written = keys_of(around), _part(data, place[:-1])
     for key in written if isinstance(written, dict) else ():
-        if key not in keys and suggest(key, keys) == suggest(str(place[-1]), [str(place[-1])]):
+        if key not in keys and suggest(key, keys) == f"did you mean '{place[-1]}'?":
             message = f"unknown key '{key}'; allowed: {listing(sorted(keys))}"
             problem = document.problem((*at, *place[:-1], key), message, suggest(key, keys), at_key=True)
             yield Finding((*at, *place[:-1], key), "extra_forbidden", problem)

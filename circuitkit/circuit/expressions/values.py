@@ -296,8 +296,10 @@ def not_a_value(value: object) -> str | None:
     return f"found {describe(value)}; allowed: a number, a quantity such as '-80 mm', or a parameter"
 
 
-def unknown_parameter(name: str, parameters: Iterable[str]) -> ValueProblemError:
-    """Return the complaint about a name that is no parameter."""
+def unknown_parameter(name: str, parameters: Iterable[str], *, hint: bool = True) -> ValueProblemError:
+    """Return the complaint about a name that is no parameter, perhaps with the one that was meant."""
     known = tuple(parameters)
     allowed = f"a number, a quantity such as '-80 mm', or a parameter: {listing(known)}"
-    return ValueProblemError(f"unknown parameter '{name}'; allowed: {allowed}", suggest(name, known))
+    return ValueProblemError(
+        f"unknown parameter '{name}'; allowed: {allowed}", suggest(name, known) if hint else ""
+    )
