@@ -19,6 +19,7 @@ from circuitkit.base.errors import InputError, Problem, Unopened, suggest
 MIB = 2**20
 MOST_TEXT = 16 * MIB  # of what people write; a file of this size takes a minute
 MOST_TABLE = 1024 * MIB
+INTEGERS_END = 2**63  # tables, C and random generators have no larger whole numbers
 LONGEST_NAME = 200  # of what messages, tables and pictures show; a path to a field is one, too
 
 # Not printable: controls, surrogates, what is no character, private use; and what changes the order of the

@@ -275,7 +275,8 @@ def load_circuits(
     if chosen is None:
         return Circuits()
     own_settings = {name: str(value) for name, value in scenario.settings.items()} if circuit is None else {}
-    with scenario.located("settings" if own_settings else "circuit") if not settings else nullcontext():
+    here = circuit is None and not settings
+    with scenario.located("settings" if own_settings else "circuit") if here else nullcontext():
         whole = _graph(scenario, chosen, {**own_settings, **(settings or {})}, here=circuit is None)
         other = circuit is not None and scenario.circuit is not None
         own = _graph(scenario, scenario.circuit, None, here=True) if other else None

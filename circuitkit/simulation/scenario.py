@@ -21,7 +21,7 @@ from pydantic import (
 )
 
 from circuitkit.base.errors import InputError, Problem, UnitError
-from circuitkit.base.reading import is_file
+from circuitkit.base.reading import INTEGERS_END, is_file
 from circuitkit.base.source import (
     Document,
     FileModel,
@@ -216,7 +216,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     disturbances: Any = ()
     until: str | None = Field(default=None, description="Condition that ends the run.")
     measures: Any = Field(default_factory=dict)
-    seed: int = Field(default=0, ge=0, description="Seed of everything random.")
+    seed: int = Field(default=0, ge=0, lt=INTEGERS_END, description="Seed of everything random.")
 
     _document: Document = PrivateAttr(default=Document("", None, {}))
 

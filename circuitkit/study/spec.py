@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError, listing, suggest
-from circuitkit.base.reading import is_file
+from circuitkit.base.reading import INTEGERS_END, is_file
 from circuitkit.base.source import (
     Data,
     Document,
@@ -29,6 +30,7 @@ from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 FOLDER = "sims/studies"
 RESERVED = ("seed", "scenario", "version", "key")  # columns that every table of results has
+MOST_SEEDS, MOST_CELLS, MOST_STEPS = 1_000_000, 1_000_000, 1_000_000
 RMS = "rms_"  # what the columns of commands begin with
 
 # A value of an axis: as in the file, or in SI units where it has one.
@@ -48,8 +50,8 @@ def _axis(value: object) -> object:
 class Seeds(FileModel):
     """Seeds that follow each other."""
 
-    first: int = Field(default=0, ge=0)
-    count: int = Field(gt=0, le=1_000_000)
+    first: int = Field(default=0, ge=0, le=INTEGERS_END - MOST_SEEDS)
+    count: int = Field(gt=0, le=MOST_SEEDS)
 
     def each(self) -> range:
         """The seeds."""
@@ -92,6 +94,12 @@ class Search(FileModel):
             message = f"found {found}; allowed: low below high, and a step of more than 0"
             raise ValueError(message)
         first, last, width = (_decimal(each, step.unit) for each in (low, high, step))
+        if not (last - first).is_finite() or (last - first) / width > MOST_STEPS:
+            message = (
+                f"found low {self.low}, high {self.high}, step {self.step}; "
+                f"allowed: up to {MOST_STEPS} steps from low to high"
+            )
+            raise ValueError(message)
         if (last - first) % width:
             message = (
                 f"found low {self.low}, high {self.high}, step {self.step}; "
@@ -323,6 +331,9 @@ def make_study(data: Mapping[str, Any]) -> Study:
 
 def _study(document: Document) -> Study:
     study = Study(validate_model(document, StudyFile), document)
+    if (cells := math.prod(map(len, study.file.axes.values()))) > MOST_CELLS:
+        message = f"found axes with {cells} combinations; allowed: up to {MOST_CELLS}"
+        raise InputError(document.problem(("axes",), message))
     fields = [*study.file.axes, *([study.search.field] if study.search else [])]
     clash = [name for name in fields if name in RESERVED or fields.count(name) > 1]
     if clash:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypedDict, Unpack
 import yaml
 
 from circuitkit.base.errors import InputError, Problem, suggest
-from circuitkit.base.reading import not_a_name, not_a_text, read_text, require_printable
+from circuitkit.base.reading import INTEGERS_END, not_a_name, not_a_text, read_text, require_printable
 
 # What a file can hold. Keys are always text.
 Data: TypeAlias = "bool | int | float | str | list[Data] | dict[str, Data] | None"
@@ -338,7 +338,6 @@ _UNDERSCORE = re.compile(r"[-+]?\d[\d_]*(?:\.[\d_]*)?(?:[eE][-+]?\d+)?")
 _SEXAGESIMAL = re.compile(r"[-+]?\d[\d_]*(?::[0-5]?\d)+(?:\.\d*)?")
 _NOT_ZERO = re.compile(r"[-+]?[0.]*[1-9]")
 _LONGEST_INTEGER = 300
-_END_OF_INTEGERS = 2**63  # where tables, random generators and C end as well
 
 _REFUSED = (
     (_NOT_FINITE, "a finite number"),
@@ -364,7 +363,7 @@ def plain_scalar(text: str) -> bool | float | int | str | None:
     if text[0] not in _STARTS_A_NUMBER:
         return text
     if _INTEGER.fullmatch(text) and len(text) < _LONGEST_INTEGER:
-        if abs(number := int(text)) < _END_OF_INTEGERS:
+        if abs(number := int(text)) < INTEGERS_END:
             return number
         raise RefusedScalarError(
             _refusal(text, "whole numbers below 2^63; as a real number, with an exponent")
