@@ -19,7 +19,7 @@ _WORDS = re.compile("[a-z0-9]+")
 
 
 _LONG_WORD = re.compile(r"([^\s;,']{100})[^\s;,']{100,}")  # of a message
-_SECRET = re.compile(r"(?<=://)[^/\s@]*(?=@)")  # user and password in a URL
+_SECRET = re.compile(r"(?<=://)[^/\s@]*(?=@)|(?<=password=)[^&\s'\"]+")  # user and password in a URL
 
 
 def printable(text: str) -> str:

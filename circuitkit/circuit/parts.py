@@ -23,6 +23,7 @@ from circuitkit.base.source import (
     shipped_file,
     shipped_names,
 )
+from circuitkit.base.source.validation import OTHER_KIND
 from circuitkit.circuit.spec import CircuitSpec, FileSpec, InstanceSpec
 
 FOLDER = "circuits"
@@ -249,7 +250,8 @@ def _unreadable(path: Path, name: str, problem: Problem) -> tuple[str, str]:
 def _sound_part(document: Document, findings: Iterable[Finding]) -> Part:
     """Find what is left of a file without the parts that are complained about."""
     data = document.data
-    if not isinstance(data, dict):
+    findings = list(findings)
+    if not isinstance(data, dict) or any(finding.kind == OTHER_KIND for finding in findings):
         return Part(document, FileSpec(), lost_sections=True)
     sound: dict[str, Data] = json.loads(json.dumps(data))  # a copy to take things out of
     lost: set[str] = set()
