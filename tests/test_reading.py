@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import time
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from circuitkit.circuit.load import check
 from circuitkit.engine.input_table import read_inputs
 from circuitkit.robots import build_model, load_robot
 from circuitkit.simulation import Scenario
+from circuitkit.simulation.plan import make_plan
 from circuitkit.simulation.scenario import load_scenario
 from circuitkit.study import read_study
 from circuitkit.study.spec import make_study
@@ -53,9 +55,8 @@ def odd_file(kind: str) -> str:
         case "a name that is too long":
             return f"{'n' * 300}.yaml"
         case "a socket":
-            import socket
-
-            socket.socket(socket.AF_UNIX).bind(name)
+            with socket.socket(socket.AF_UNIX) as made:
+                made.bind(name)
         case "nothing":
             pass
     return name
@@ -101,15 +102,15 @@ def test_an_included_file_is_complained_about_where_it_is_named(kind):
 def test_a_file_that_a_scenario_names_is_complained_about_there(key, kind):
     lines = {"robot": "nao"} | {key: odd_file(kind) + ("}" if "{" in key else "")}
     Path("s.yaml").write_text(
-        "\n".join(["scenario: s", "duration: 1 s", *(f"{k}: {v}" for k, v in lines.items())]),
+        "\n".join(
+            ["scenario: s", "duration: 1 s", "control_step: 10 ms", *(f"{k}: {v}" for k, v in lines.items())]
+        ),
         encoding="utf-8",
     )
     with pytest.raises(InputError) as caught:
-        from circuitkit.simulation.plan import make_plan
-
         make_plan(load_scenario("s.yaml")).controller()
     assert {(each.file, each.line) for each in caught.value.problems} == {
-        ("s.yaml", 3 if key == "robot" else 4)
+        ("s.yaml", 4 if key == "robot" else 5)
     }
 
 
@@ -140,6 +141,7 @@ def test_links_in_a_circle_are_no_error_to_a_path():
     assert resolved(Path("a\0b")) == Path("a\0b")
 
 
+RAW = {"\\e": "\x1b"}  # an escape that Python has not
 ESCAPES = [
     "\\e",
     "\\0",
@@ -161,7 +163,7 @@ ESCAPES = [
     "text", ['a: "x{0}y"\n', '"x{0}y": 1\n', 'a: ["x{0}y"]\n', 'a: {{"x{0}": {{b: 1}}}}\n']
 )
 def test_what_is_not_printable_is_refused_as_an_escape_and_raw(escape, text):
-    for written in (escape, escape.encode().decode("unicode_escape").replace("\\e", "\x1b")):
+    for written in (escape, RAW.get(escape) or escape.encode().decode("unicode_escape")):
         _, problems = scan_text(text.format(written), "f.yaml")
         assert problems
         assert all(each.line == 1 and "character U+" in each.message for each in problems)
@@ -191,7 +193,7 @@ def test_no_message_writes_over_a_terminal_or_tells_a_password():
 @pytest.mark.parametrize(
     "value",
     ["1 + 1e308 km", "1e308 km + 1 m", "2 * 1e9999 m", "1e400", "-1e400", "1e400 m", "1e308 km", "1e-400 m", "1e-400",
-     "2^100000", "10^400", "exp(1e6)", "1e308 * 10", "9" * 400, "9" * 5000 + " m", "99999999999999999999",
+     "2^100000", "10^400", "exp(1e6)", "1e308 * 10", "9" * 400, "9" * 5000 + " m",
      "1 km^9*km^9*km^9*km^9*km^9*km^9*km^9", "1 / 0", "-(1e308 km)", "max(1, 1e308 km)", "(" * 300 + "1" + ")" * 300],
 )  # fmt: skip
 @pytest.mark.parametrize(
@@ -219,10 +221,10 @@ def test_a_value_that_no_float_can_hold_is_an_error_with_its_place(value, old, n
     [
         ("10 ms", "-0 ms", "2:15: control_step: found 0 ms; allowed: more than 0 s"),
         ("10 ms", "1e-300 s", "2:15: control_step: found 1e-300 s; allowed: 1 ns to 1 h"),
-        ("weight: 1", "weight: 1, delay: 1e9 s", "6:46: synapses[0].delay: found 1e+09 s; allowed: up to 1 h"),
+        ("weight: 1", "weight: 1, delay: 1e9 s", "6:47: synapses[0].delay: found 1e+09 s; allowed: up to 1 h"),
         ("control_step", "substeps: 1e300\ncontrol_step", "2:11: substeps: found 1e+300; allowed: a whole number from 1 to 1000000"),
         ("control_step", "seed: 9223372036854775808\ncontrol_step", "2:7: seed: found 9223372036854775808; allowed: whole numbers below 2^63; as a real number, with an exponent"),
-        ("inputs", "populations: {p: {size: 1e308, model: identity, role: excitatory}}\ninputs", "4:24: populations.p.size: found 1e+308; allowed: a whole number from 1 to 2147483647"),
+        ("inputs", "populations: {p: {size: 1e308, model: identity, role: excitatory}}\ninputs", "4:25: populations.p.size: found 1e+308; allowed: a whole number from 1 to 2147483647"),
     ],
 )  # fmt: skip
 def test_counts_steps_and_delays_have_bounds(old, new, message):

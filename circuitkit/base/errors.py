@@ -125,6 +125,10 @@ class UnitError(CircuitkitError, ValueError):
     exit_code: ClassVar[int] = 1
 
 
+class OutOfRangeError(UnitError):
+    """A quantity is larger or smaller than any float."""
+
+
 class ExpressionError(CircuitkitError, ValueError):
     """A mathematical expression cannot be read, or joins what does not fit together.
 

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import NamedTuple
 
-from circuitkit.base.errors import UnitError, listing, suggest
+from circuitkit.base.errors import OutOfRangeError, UnitError, listing, suggest
 
 
 class Dimension(NamedTuple):
@@ -289,10 +289,10 @@ def parse_quantity(text: str) -> Quantity:
     value_si = _divided(numerator * unit.factor.numerator, denominator * unit.factor.denominator)
     if not math.isfinite(value_si):
         message = f"found '{text[:_MAX_LENGTH]}', which is too large; allowed: a finite number"
-        raise UnitError(message)
+        raise OutOfRangeError(message)
     if numerator and not value_si:
         message = f"found '{text[:_MAX_LENGTH]}', which is too small; allowed: 0, or what a float can hold"
-        raise UnitError(message)
+        raise OutOfRangeError(message)
     return Quantity(value_si, unit)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
-from circuitkit.base.errors import ExpressionError, UnitError, listing, suggest
+from circuitkit.base.errors import ExpressionError, OutOfRangeError, UnitError, listing, suggest
 from circuitkit.base.source import describe
 from circuitkit.base.units import (
     DIMENSIONLESS,
@@ -240,6 +240,8 @@ def _read(text: str) -> Quantity | _Formula:
         return _Formula(text, Name(stripped), {}, {stripped: (stripped, text.index(stripped))})
     try:
         return parse_quantity(stripped)
+    except OutOfRangeError as error:
+        raise ValueProblemError(str(error)) from error
     except UnitError as error:
         refusal = error
     try:
