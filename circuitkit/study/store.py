@@ -156,17 +156,17 @@ class Store:
 
     def _manifest(self) -> dict[str, Any]:
         try:
-            manifest = json.loads(read_text(self._study_file, "what a sweep was about"))
+            manifest: Any = json.loads(read_text(self._study_file, "what a sweep was about"))
         except (InputError, ValueError, RecursionError) as error:
             message = (
                 f"there are no results of a sweep in '{self.folder}'; allowed: the folder that a sweep wrote"
             )
             raise OtherStudyError(Problem("", 0, 0, "", message)) from error
-        known = isinstance(manifest, dict) and isinstance(manifest.get("study"), dict)
-        if not known or manifest.get("format") != _FORMAT:
+        found: dict[str, Any] = manifest if isinstance(manifest, dict) else {}
+        if found.get("format") != _FORMAT or not isinstance(found.get("study"), dict):
             message = f"'{self._study_file}' was written by another version; allowed: format {_FORMAT}"
             raise OtherStudyError(Problem("", 0, 0, "", message))
-        return manifest
+        return found
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         """The rows that are there; those of a finished sweep, if it was stopped before it tidied up."""

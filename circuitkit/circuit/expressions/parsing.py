@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import re
+import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial, reduce
@@ -92,7 +93,9 @@ def parse_expression(
     require_length(text)
     source = _Source(text, frozenset(names), {**_ARITIES, **functions}, references, units=units)
     try:
-        tree = ast.parse(source.python, mode="eval")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # Python's style is not this language's
+            tree = ast.parse(source.python, mode="eval")
         source.restore_names(tree)
         return _convert(tree.body, source)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
