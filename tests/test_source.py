@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from circuitkit.base.errors import InputError
+from circuitkit.base.reading import not_a_name, not_a_text
 from circuitkit.base.source import (
     FileModel,
     Mark,
@@ -304,7 +305,10 @@ leaves = (
     | st.floats(allow_nan=False, allow_infinity=False)
     | texts
 )
-keys = texts.filter(bool)
+texts = texts.filter(lambda text: not not_a_text(text))
+leaves = leaves.filter(lambda leaf: not isinstance(leaf, str) or not not_a_text(leaf))
+leaves = leaves.filter(lambda leaf: not isinstance(leaf, float) or leaf == 0 or abs(leaf) > 1e-307)
+keys = texts.filter(lambda text: text and not not_a_name(text))
 data = st.recursive(
     leaves, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(keys, inner, max_size=4)
 )

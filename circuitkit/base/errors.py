@@ -13,8 +13,22 @@ from typing import ClassVar
 
 _SHOWN_NAMES = 20
 _SHORT_NAME = 2
+_LONGEST_SUGGESTED = 100
 _SAME_CASE = 1e-3  # less than any other difference, so that it decides between equals
 _WORDS = re.compile("[a-z0-9]+")
+
+
+_LONG_WORD = re.compile(r"([^\s;,']{100})[^\s;,']{100,}")  # of a message
+_SECRET = re.compile(r"(?<=://)[^/\s@]*(?=@)|(?<=password=)[^&\s'\"]+")  # user and password in a URL
+
+
+def printable(text: str) -> str:
+    """A text as it may be shown: with an escape for what would write over a terminal, and without secrets."""
+    text = _SECRET.sub("…", text)
+    if text.isprintable():
+        return text
+    shown = (c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
+    return "".join(shown)
 
 
 @dataclass(frozen=True)
@@ -37,20 +51,38 @@ class Problem:
     message: str
     hint: str = ""
 
+    @property
+    def is_placed(self) -> bool:
+        """Whether it says where in a file; if not, whatever names the file or the value knows a place."""
+        return bool(self.file)
+
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}" if self.file else ""
-        text = ": ".join(part for part in (place, self.where, self.message) if part)
-        return f"{text}; {self.hint}" if self.hint else text
+        message = _LONG_WORD.sub(r"\1…", self.message)
+        text = ": ".join(part for part in (place, self.where, message) if part)
+        return printable(f"{text}; {self.hint}" if self.hint else text)
+
+
+class Unopened(Problem):
+    """A complaint about a file that is not there or cannot be opened, and so has no line of its own."""
+
+    @property
+    def is_placed(self) -> bool:
+        """False: the file that names this one has the place."""
+        return False
 
 
 class CircuitkitError(Exception):
-    """Base of all errors that circuitkit raises on purpose.
+    """Base of all errors that circuitkit raises on purpose; their text can be shown as it is.
 
     Attributes:
         exit_code: What the command line exits with: 1 the input is wrong, 3 the run failed.
     """
 
     exit_code: ClassVar[int] = 3
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class InputError(CircuitkitError):
@@ -91,6 +123,10 @@ class UnitError(CircuitkitError, ValueError):
     """A quantity cannot be read, or has the wrong dimension."""
 
     exit_code: ClassVar[int] = 1
+
+
+class OutOfRangeError(UnitError):
+    """A quantity is larger or smaller than any float."""
 
 
 class ExpressionError(CircuitkitError, ValueError):
@@ -144,10 +180,14 @@ def suggest(name: str, allowed: Iterable[str]) -> str:
     Near are names with letters that are wrong, missing, too many or in the wrong order, in another case, with
     their words in another order, cut short, or written out.
     """
+    if len(name) > _LONGEST_SUGGESTED:
+        return ""
     near = 0.5 if len(name) <= _SHORT_NAME else 0.6  # of two letters, one may be wrong
     matcher = difflib.SequenceMatcher(b=name.lower())
     best = ""
     for candidate in allowed:
+        if candidate == name or len(candidate) > _LONGEST_SUGGESTED:
+            continue
         matcher.set_seq1(candidate.lower())
         if _is_part(name, candidate) or matcher.quick_ratio() >= near:
             likeness = _likeness(name, candidate, matcher)

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import NamedTuple
 
-from circuitkit.base.errors import UnitError, listing, suggest
+from circuitkit.base.errors import OutOfRangeError, UnitError, listing, suggest
 
 
 class Dimension(NamedTuple):
@@ -62,6 +62,14 @@ def _fraction_text(exponents: tuple[int, ...], names: tuple[str, ...]) -> str:
     return "/".join(["*".join(above) or "1", *below])
 
 
+def _divided(numerator: int, denominator: int) -> float:
+    """A quotient of whole numbers; infinite where no float is so large."""
+    try:
+        return numerator / denominator
+    except OverflowError:
+        return math.inf if numerator > 0 else -math.inf
+
+
 @dataclass(frozen=True)
 class Unit:
     """A unit of measurement.
@@ -84,14 +92,14 @@ class Unit:
     def to_si(self, value: float | Fraction) -> float:
         """SI value of `value` in this unit, rounded once: 79.9 mm is 0.0799, to the last bit."""
         numerator, denominator = value.as_integer_ratio()
-        return numerator * self.factor.numerator / (denominator * self.factor.denominator)
+        return _divided(numerator * self.factor.numerator, denominator * self.factor.denominator)
 
     def from_si(self, value_si: float) -> float:
         """Value in this unit of an SI value; infinities stay what they are."""
         if not math.isfinite(value_si):
             return value_si
         numerator, denominator = value_si.as_integer_ratio()
-        return numerator * self.factor.denominator / (denominator * self.factor.numerator)
+        return _divided(numerator * self.factor.denominator, denominator * self.factor.numerator)
 
     def over(self, other: Unit) -> Unit:
         """This unit divided by another one, written so that it can be read: `s` over `rad` is `s/rad`.
@@ -208,6 +216,8 @@ _NUMBER = re.compile(
     r"(?:\s+(?P<quotient>1(?:\s*[*/^].*)?)|\s*(?P<unit>[^\d.,_:\s].*))?"
 )
 _MAX_LENGTH = 80
+_LONGEST = 500  # of a number with its unit
+_SMALLEST_UNIT = Fraction(1, 10**100)  # one that floats have room around, above as below
 
 
 def plain_signs(text: str) -> str:
@@ -234,6 +244,9 @@ def parse_unit(text: str) -> Unit:
         power = -power if sign == "/" else power
         factor *= part_factor**power
         dimension = dimension.times(part_dimension, power)
+    if not _SMALLEST_UNIT < factor < 1 / _SMALLEST_UNIT:
+        message = f"found the unit '{text}', which is too large or too small; allowed: powers that matter"
+        raise UnitError(message)
     return Unit(compact, factor, dimension)
 
 
@@ -265,21 +278,21 @@ def parse_quantity(text: str) -> Quantity:
     Raises:
         UnitError: The text is no finite number followed by a unit.
     """
-    match = _NUMBER.fullmatch(text.translate(_TYPOGRAPHY).strip())
+    match = _NUMBER.fullmatch(text.translate(_TYPOGRAPHY).strip()) if len(text) <= _LONGEST else None
     if match is None:
         allowed = "a number, with a unit if it has one, such as '-80 mm' or '0.1'"
         message = f"found '{text[:_MAX_LENGTH]}'; allowed: {allowed}"
         raise UnitError(message)
     symbol = match["unit"] or match["quotient"]
     unit = parse_unit(symbol) if symbol else DIMENSIONLESS
-    try:
-        numerator, denominator = _ratio(match["number"])
-        value_si = numerator * unit.factor.numerator / (denominator * unit.factor.denominator)
-    except OverflowError:
-        value_si = math.inf
+    numerator, denominator = _ratio(match["number"])
+    value_si = _divided(numerator * unit.factor.numerator, denominator * unit.factor.denominator)
     if not math.isfinite(value_si):
         message = f"found '{text[:_MAX_LENGTH]}', which is too large; allowed: a finite number"
-        raise UnitError(message)
+        raise OutOfRangeError(message)
+    if numerator and not value_si:
+        message = f"found '{text[:_MAX_LENGTH]}', which is too small; allowed: 0, or what a float can hold"
+        raise OutOfRangeError(message)
     return Quantity(value_si, unit)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from circuitkit.base.errors import Problem, suggest
+from circuitkit.base.reading import is_file, resolved
 from circuitkit.base.source import (
     Data,
     Document,
@@ -22,6 +23,7 @@ from circuitkit.base.source import (
     shipped_file,
     shipped_names,
 )
+from circuitkit.base.source.validation import OTHER_KIND
 from circuitkit.circuit.spec import CircuitSpec, FileSpec, InstanceSpec
 
 FOLDER = "circuits"
@@ -147,7 +149,7 @@ class _Reader:
 
     def add(self, gathering: _Gathering, part: Part, including: tuple[Path, ...]) -> None:
         """Add a file after those that it includes."""
-        here = Path(part.document.path).resolve()
+        here = resolved(Path(part.document.path))
         gathering.done.add(here)
         if gathering.within:
             part = replace(part, within=gathering.within)
@@ -160,7 +162,7 @@ class _Reader:
                 lost = lost or isinstance(entry, str)
             elif isinstance(entry, InstanceSpec):
                 self.add_instance(gathering, Instance(entry, part, number, Module(())), (*including, here))
-            elif path.resolve() not in gathering.done:
+            elif resolved(path) not in gathering.done:
                 included = self.read(part, place, name)
                 lost |= included is None
                 if included is not None:
@@ -191,15 +193,14 @@ class _Reader:
     def read(self, part: Part, place: Place, name: str) -> Part | None:
         """Read an included file, read once however often it is included; None after complaining."""
         path = _included_path(part.document, name)
-        here = path.resolve()
+        here = resolved(path)
         if here in self.files:
             return self.files[here]
         self.files[here] = None
-        complaint, hint = _unreadable(path, name)
-        if complaint:
-            self.problems.append(part.document.problem(place, complaint, hint))
-            return None
         document, problems = scan_yaml(path)
+        if document is None and not problems[0].is_placed:
+            complaint, hint = _unreadable(path, name, problems[0])
+            problems = [part.document.problem(place, complaint, hint)]
         self.problems.extend(problems)
         if document is not None:
             self.files[here] = self.part(document, FileSpec)
@@ -207,9 +208,9 @@ class _Reader:
 
     def is_circle(self, part: Part, place: Place, path: Path, including: tuple[Path, ...]) -> bool:
         """Check whether a file includes itself, perhaps through others; complains if so."""
-        if path.resolve() not in including:
+        if resolved(path) not in including:
             return False
-        start = including.index(path.resolve())
+        start = including.index(resolved(path))
         circle = " -> ".join(each.name for each in (*including[start:], path))
         message = f"found a circle of includes: {circle}; allowed: includes that end"
         self.problems.append(part.document.problem(place, message))
@@ -231,15 +232,15 @@ def _included_path(document: Document, name: str) -> Path:
     """Find the path of an included file: from here, or of a shipped circuit if it is a bare name."""
     path = Path(document.path).parent / name
     bare = not Path(name).suffix and len(Path(name).parts) == 1
-    return (shipped_file(FOLDER, f"{name}.yaml") if bare and not path.exists() else None) or path
+    return (shipped_file(FOLDER, f"{name}.yaml") if bare and not is_file(path) else None) or path
 
 
-def _unreadable(path: Path, name: str) -> tuple[str, str]:
-    """Find why an included file cannot be read, and a hint; empty if it may be read."""
-    if path.is_dir():
-        return f"found '{name}', which is a folder; allowed: the path of a circuit file from here", ""
-    if path.exists():
-        return "", ""
+def _unreadable(path: Path, name: str, problem: Problem) -> tuple[str, str]:
+    """Tell about an included file that cannot be opened in the words of the file that includes it."""
+    found, _, _ = problem.message.partition("; allowed")
+    if not found.startswith("there is no"):
+        which = found.replace("found ", "is ", 1)
+        return f"found '{name}', which {which}; allowed: the path of a circuit file from here", ""
     there = sorted(sibling.name for sibling in path.parent.glob("*.y*ml"))
     hint = suggest(path.name, there if path.suffix else [*shipped_names(FOLDER), *there])
     allowed = "a path from here" if path.suffix else "a path from here, or the name of a shipped circuit"
@@ -249,7 +250,8 @@ def _unreadable(path: Path, name: str) -> tuple[str, str]:
 def _sound_part(document: Document, findings: Iterable[Finding]) -> Part:
     """Find what is left of a file without the parts that are complained about."""
     data = document.data
-    if not isinstance(data, dict):
+    findings = list(findings)
+    if not isinstance(data, dict) or any(finding.kind == OTHER_KIND for finding in findings):
         return Part(document, FileSpec(), lost_sections=True)
     sound: dict[str, Data] = json.loads(json.dumps(data))  # a copy to take things out of
     lost: set[str] = set()

@@ -50,6 +50,7 @@ Backend: TypeAlias = Annotated[
 Verbose: TypeAlias = Annotated[
     bool, typer.Option("--verbose", help="Also say which backend ran it, and why.")
 ]
+LAST_SEED = 2**63 - 1  # what tables of results can hold
 SETTINGS = ("--set", "w=2deg")  # for `named_values`
 CONTROLLERS = "open_loop, circuit, a controller file, or a shipped one of `circuitkit list controllers`"
 Push: TypeAlias = Annotated[
@@ -70,7 +71,9 @@ Robot: TypeAlias = Annotated[
 ]
 Seed: TypeAlias = Annotated[
     int | None,
-    typer.Option("--seed", metavar="N", min=0, help="Of all that is drawn at random: noise, jitter."),
+    typer.Option(
+        "--seed", metavar="N", min=0, max=LAST_SEED, help="Of all that is drawn at random: noise, jitter."
+    ),
 ]
 Folder: TypeAlias = Annotated[
     Path | None,

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from circuitkit.base.progress import progress_bar
-from circuitkit.cli.options import Backend, CircuitFile, Settings, Verbose, named_values, read_graph
+from circuitkit.cli.options import (
+    LAST_SEED,
+    Backend,
+    CircuitFile,
+    Settings,
+    Verbose,
+    named_values,
+    read_graph,
+)
 from circuitkit.cli.printing import examples, note, print_json
 
 if TYPE_CHECKING:
@@ -79,7 +87,9 @@ def run(
             "--output", "-o", metavar="OUT", help="Ends in .csv or .nc; by default CSV on standard output."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of the neurons' noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", min=0, max=LAST_SEED, help="Of the neurons' noise.")
+    ] = 0,
     backend: Backend = "auto",
     precision: Annotated[
         Precision, typer.Option("--precision", help="Of the numbers it is computed in.")

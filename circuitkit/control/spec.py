@@ -11,6 +11,7 @@ from typing import ClassVar
 from pydantic import ConfigDict, Field, field_validator
 
 from circuitkit.base.errors import UnknownNameError, listing, suggest
+from circuitkit.base.reading import is_file
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import (
     Data,
@@ -94,7 +95,7 @@ def load_controller(name_or_path: str | Path, changes: Mapping[str, Data] | None
     """
     path = path_of(name_or_path, Path(FOLDER).name)
     names = shipped_controllers()
-    if not path.suffix and len(path.parts) == 1 and not path.is_file() and path.name not in names:
+    if not path.suffix and len(path.parts) == 1 and not is_file(path) and path.name not in names:
         kind = "controller"
         raise UnknownNameError(kind, path.name, names)
     document = read_yaml(find_data_file(name_or_path, FOLDER))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
-from circuitkit.base.files import reason
+from circuitkit.base.reading import MOST_TABLE, read_text
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_quantity
 from circuitkit.circuit.graph import CircuitGraph, InputNode
 from circuitkit.engine.operations import FloatArray
@@ -103,7 +103,7 @@ def read_inputs(graph: CircuitGraph, path: Path) -> dict[str, FloatArray]:
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """Return line numbers and cells of the header and of at least one row; empty lines are passed over."""
-    lines = csv.reader(io.StringIO(_read_text(path)), strict=True)
+    lines = csv.reader(io.StringIO(read_text(path, "a CSV table", MOST_TABLE), newline=""), strict=True)
     try:
         rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
     except csv.Error as error:
@@ -113,16 +113,6 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         message = f"found {found}; allowed: a header and one row a step"
         raise InputError(Problem(str(path), max(lines.line_num, 1), 1, "", message))
     return rows
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        message = f"not text in UTF-8 (byte {error.start}); allowed: a CSV table"
-        raise InputError(Problem(str(path), 1, 1, "", message)) from error
-    except OSError as error:
-        raise InputError(Problem(str(path), 1, 1, "", f"cannot be read: {reason(error)}")) from error
 
 
 def _columns_in_use(graph: CircuitGraph, names: Sequence[str], path: Path, line: int) -> dict[int, InputNode]:

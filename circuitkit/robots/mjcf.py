@@ -17,8 +17,10 @@ import mujoco
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.patterns import matches
+from circuitkit.base.reading import not_a_name
 from circuitkit.base.source import Place
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_unit
+from circuitkit.robots.mjcf_files import require_files
 from circuitkit.robots.spec import Robot, Servo
 
 HINGE, SLIDE, FREE = (
@@ -41,10 +43,15 @@ def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
     Raises:
         InputError: It cannot be read; says why.
     """
+    require_files(path)
     with _said_by_mujoco(path):
         what = f"MuJoCo {mujoco.__version__} cannot read it"
         spec = _or_complain(path, what, lambda: mujoco.MjSpec.from_file(str(path)))
     name_parts(spec)
+    for plural in _NAMED:
+        for part in getattr(spec, plural):
+            if complaint := not_a_name(part.name):
+                raise InputError(Problem(str(path), 1, 1, plural, complaint))
     return spec
 
 
@@ -86,7 +93,7 @@ def flex_bodies(model: mujoco.MjModel) -> set[int]:
 def _or_complain(path: Path, what: str, make: Callable[[], _Made]) -> _Made:
     try:
         return make()
-    except (ValueError, mujoco.FatalError) as error:
+    except (ValueError, TypeError, OverflowError, mujoco.FatalError) as error:
         text = "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
         hint = next((words for part, words in _GONE.items() if part in text), "")
         raise InputError(Problem(str(path), 1, 1, "", f"{what}: {text}", hint)) from error

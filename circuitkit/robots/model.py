@@ -248,12 +248,19 @@ def _prepared(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Prepa
 
 def _read(robot: Robot) -> Any:  # noqa: ANN401 - as above
     path = robot.mjcf_path
-    if not path.is_file():
-        message = (
-            f"no such file '{path}'; allowed: the path of an MJCF file, from the folder of the robot file"
-        )
-        raise InputError(robot.problem(("mjcf",), message))
-    return read_mjcf(path)
+    try:
+        return read_mjcf(path)
+    except InputError as error:
+        problems = (each if each.is_placed else _named_by(robot, each) for each in error.problems)
+        raise InputError(*problems) from error
+
+
+def _named_by(robot: Robot, problem: Problem) -> Problem:
+    """What is wrong with the file of the MJCF itself, where the robot file names it."""
+    found, _, _ = problem.message.partition("; allowed")
+    said = "no such file" if found.startswith("there is no") else found
+    allowed = "the path of an MJCF file, from the folder of the robot file"
+    return robot.problem(("mjcf",), f"{said} '{robot.mjcf_path}'; allowed: {allowed}", problem.hint)
 
 
 def moving_parts(model: mujoco.MjModel) -> NDArray[np.int64]:

@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from circuitkit.base.errors import Problem, UnitError, UnknownNameError
+from circuitkit.base.reading import is_file
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import (
     Document,
@@ -295,7 +296,7 @@ def robot_path(name_or_path: str | Path) -> Path:
         InputError: It is neither a name nor a path.
     """
     path = path_of(name_or_path, FOLDER)
-    if path.is_dir() and (path / FILE_NAME).is_file():
+    if is_file(path / FILE_NAME):
         return path / FILE_NAME
     if path.suffix or len(path.parts) != 1:
         return path

@@ -42,10 +42,6 @@ def write_robot_starter(mjcf: Path, path: Path, *, force: bool = False) -> Path:
     Returns:
         The path.
     """
-    if not mjcf.is_file():
-        raise InputError(
-            Problem(str(mjcf), 1, 1, "--robot", "no such file; allowed: the path of an MJCF file")
-        )
     if path.exists() and not force:
         message = f"'{path}' is there already; allowed: another name, or --force"
         raise InputError(Problem("", 0, 0, "FILE", message))

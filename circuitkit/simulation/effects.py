@@ -323,4 +323,4 @@ def placed(where: str) -> Iterator[None]:
 
 def _placed(problem: Problem, where: str) -> Problem:
     """A complaint with the place in the scenario that it is about."""
-    return problem if problem.file else Problem("", 0, 0, where, problem.message, problem.hint)
+    return problem if problem.is_placed else Problem("", 0, 0, where, problem.message, problem.hint)

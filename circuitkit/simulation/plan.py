@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError
+from circuitkit.base.reading import is_file
 from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph, load_circuit
 from circuitkit.circuit.silencing import silence
@@ -148,7 +149,7 @@ class Plan:
             return CircuitController(self.circuits.used, connect=connect, backend=self.backend)
         file = self.scenario.file(name)
         path = Path(file)
-        bare = not path.suffix and len(path.parts) == 1 and not path.is_file()
+        bare = not path.suffix and len(path.parts) == 1 and not is_file(path)
         if bare and file not in shipped_controllers():
             kind = "controller"
             raise UnknownNameError(kind, name, (*BUILT_IN, *shipped_controllers()))
@@ -274,7 +275,8 @@ def load_circuits(
     if chosen is None:
         return Circuits()
     own_settings = {name: str(value) for name, value in scenario.settings.items()} if circuit is None else {}
-    with scenario.located("settings" if own_settings else "circuit") if not settings else nullcontext():
+    here = circuit is None and not settings
+    with scenario.located("settings" if own_settings else "circuit") if here else nullcontext():
         whole = _graph(scenario, chosen, {**own_settings, **(settings or {})}, here=circuit is None)
         other = circuit is not None and scenario.circuit is not None
         own = _graph(scenario, scenario.circuit, None, here=True) if other else None

@@ -21,6 +21,7 @@ from pydantic import (
 )
 
 from circuitkit.base.errors import InputError, Problem, UnitError
+from circuitkit.base.reading import INTEGERS_END, is_file
 from circuitkit.base.source import (
     Document,
     FileModel,
@@ -215,7 +216,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     disturbances: Any = ()
     until: str | None = Field(default=None, description="Condition that ends the run.")
     measures: Any = Field(default_factory=dict)
-    seed: int = Field(default=0, ge=0, description="Seed of everything random.")
+    seed: int = Field(default=0, ge=0, lt=INTEGERS_END, description="Seed of everything random.")
 
     _document: Document = PrivateAttr(default=Document("", None, {}))
 
@@ -289,7 +290,7 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         try:
             yield
         except InputError as error:
-            problems = (each if each.file else self._here(each, key) for each in error.problems)
+            problems = (each if each.is_placed else self._here(each, key) for each in error.problems)
             raise InputError(*problems) from error
 
     def _here(self, problem: Problem, key: str) -> Problem:
@@ -319,7 +320,7 @@ def beside(name: str, document: Document) -> str:
     """A file that a document names, from the document's own folder if it is a path that exists there."""
     path = Path(name)
     near = Path(document.path).parent / path
-    found = path.suffix and not path.is_absolute() and near.is_file()
+    found = path.suffix and not path.is_absolute() and is_file(near)
     return str(near) if found else name
 
 

@@ -11,11 +11,13 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.reading import read_bytes
 from circuitkit.base.source import Data, Document, Place, find_data_file, read_yaml, validate_model
 from circuitkit.control import ControllerSpec, load_controller, shipped_controllers
 from circuitkit.control.spec import FOLDER as CONTROLLERS
 from circuitkit.control.spec import without_kind
 from circuitkit.robots import Robot, load_robot
+from circuitkit.robots.mjcf_files import MOST_MJCF
 from circuitkit.robots.spec import robot_class, robot_path
 from circuitkit.simulation import Reference, Scenario
 from circuitkit.simulation.plan import BUILT_IN, CIRCUIT, OPEN_LOOP, Circuits, control_step, load_circuits
@@ -160,7 +162,7 @@ class CaseBuilder:
         try:
             return read_yaml(find_data_file(beside(self._study.document, name), FOLDER))
         except InputError as error:
-            raise about_file(self._study.document, ("scenario",), error, name) from error
+            raise about_file(self._study.document, ("scenario",), error) from error
 
     @cached_property
     def _complaints(self) -> Complaints:
@@ -266,13 +268,11 @@ class CaseBuilder:
                     document, robot_class(), self._with(document, inner), inner, 1
                 )
                 robot._document = document  # what `load_robot` does
-            says = (_without_paths(robot), robot.mjcf_path.read_bytes().hex())
+            says = (_without_paths(robot), read_bytes(robot.mjcf_path, "an MJCF file", MOST_MJCF).hex())
             return _File(robot, says, robot.model_dump(mode="json") if inner else None)
 
         key = ("robot", file, _changed(inner))
-        return self._once(
-            key, lambda: self._complaints.guarded(make, "robot", str(scenario.robot), [*outer, *inner])
-        )
+        return self._once(key, lambda: self._complaints.guarded(make, "robot", [*outer, *inner]))
 
     def _reference(self, scenario: Scenario, outer: Sequence[Change], inner: Sequence[Change]) -> _File:
         """The reference, from the file that the scenario names or from what it says itself."""
@@ -296,9 +296,7 @@ class CaseBuilder:
             return _File(build(numbers), numbers, numbers.model_dump(mode="json"))
 
         key = ("reference", file, _changed(inner))
-        return self._once(
-            key, lambda: self._complaints.guarded(make, f"reference.{kind}", str(given), [*outer, *inner])
-        )
+        return self._once(key, lambda: self._complaints.guarded(make, f"reference.{kind}", [*outer, *inner]))
 
     def _controller(self, scenario: Scenario, outer: Sequence[Change], inner: Sequence[Change]) -> _File:
         """The controller file, or the name of a controller without one."""
@@ -325,7 +323,7 @@ class CaseBuilder:
             return _File(spec, spec, spec.model_dump(mode="json"))
 
         key = ("controller", file, _changed(inner))
-        return self._once(key, lambda: self._complaints.guarded(make, "controller", name, [*outer, *inner]))
+        return self._once(key, lambda: self._complaints.guarded(make, "controller", [*outer, *inner]))
 
     def _circuits(
         self, scenario: Scenario, outer: Sequence[Change], changes: Mapping[str, Change]
@@ -358,9 +356,7 @@ class CaseBuilder:
                 raise
 
         key = ("circuit", scenario.circuit, json.dumps([values, dict(scenario.settings), scenario.silenced]))
-        return self._once(
-            key, lambda: self._complaints.guarded(make, "circuit", str(scenario.circuit), outer)
-        )
+        return self._once(key, lambda: self._complaints.guarded(make, "circuit", outer))
 
     def _inputs(
         self, scenario: Scenario, robot: _File, reference: _File, controller: _File, circuits: Circuits

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel
@@ -304,13 +303,12 @@ class Complaints:
                 return replace(moved, where=change.shown(place))
         return finding.problem
 
-    def guarded(self, make: Callable[[], T], key: str, name: str, changes: Sequence[Change]) -> T:
+    def guarded(self, make: Callable[[], T], key: str, changes: Sequence[Change]) -> T:
         """Make something from a file that the scenario names.
 
         Args:
             make: Makes it.
             key: The key of the scenario that names the file.
-            name: How it is named.
             changes: Those of the scenario.
 
         Raises:
@@ -320,8 +318,7 @@ class Complaints:
             return make()
         except InputError as error:
             named = [change for change in changes if place_text(change.at) == key]
-            files = {problem.file for problem in error.problems} - {"", self.scenario}
-            inside = [file for file in files if file != name or Path(file).is_file()]
+            inside = [each for each in error.problems if each.is_placed and each.file != self.scenario]
             if named and not inside:
                 problems = [each for each in error.problems if each.where in {"", key}]
                 if problems:
@@ -354,10 +351,10 @@ class Complaints:
         return self.about(change, message, problem.hint, is_name=is_name)
 
 
-def about_file(study: Document, place: Place, error: InputError, name: str) -> InputError:
+def about_file(study: Document, place: Place, error: InputError) -> InputError:
     """Complaints about a file that cannot be found, told where the study names it."""
     return InputError(
-        *(study.problem(place, p.message, p.hint) if p.file in {"", name} else p for p in error.problems)
+        *(p if p.is_placed else study.problem(place, p.message, p.hint) for p in error.problems)
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from circuitkit.base.errors import InputError, Problem, UnitError, UnknownNameError, listing, suggest
+from circuitkit.base.reading import INTEGERS_END, is_file
 from circuitkit.base.source import (
     Data,
     Document,
@@ -28,6 +30,7 @@ from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 FOLDER = "sims/studies"
 RESERVED = ("seed", "scenario", "version", "key")  # columns that every table of results has
+MOST_SEEDS, MOST_CELLS, MOST_STEPS = 1_000_000, 1_000_000, 1_000_000
 RMS = "rms_"  # what the columns of commands begin with
 
 # A value of an axis: as in the file, or in SI units where it has one.
@@ -47,8 +50,8 @@ def _axis(value: object) -> object:
 class Seeds(FileModel):
     """Seeds that follow each other."""
 
-    first: int = Field(default=0, ge=0)
-    count: int = Field(gt=0, le=1_000_000)
+    first: int = Field(default=0, ge=0, le=INTEGERS_END - MOST_SEEDS)
+    count: int = Field(gt=0, le=MOST_SEEDS)
 
     def each(self) -> range:
         """The seeds."""
@@ -91,6 +94,12 @@ class Search(FileModel):
             message = f"found {found}; allowed: low below high, and a step of more than 0"
             raise ValueError(message)
         first, last, width = (_decimal(each, step.unit) for each in (low, high, step))
+        if not (last - first).is_finite() or (last - first) / width > MOST_STEPS:
+            message = (
+                f"found low {self.low}, high {self.high}, step {self.step}; "
+                f"allowed: up to {MOST_STEPS} steps from low to high"
+            )
+            raise ValueError(message)
         if (last - first) % width:
             message = (
                 f"found low {self.low}, high {self.high}, step {self.step}; "
@@ -322,6 +331,9 @@ def make_study(data: Mapping[str, Any]) -> Study:
 
 def _study(document: Document) -> Study:
     study = Study(validate_model(document, StudyFile), document)
+    if (cells := math.prod(map(len, study.file.axes.values()))) > MOST_CELLS:
+        message = f"found axes with {cells} combinations; allowed: up to {MOST_CELLS}"
+        raise InputError(document.problem(("axes",), message))
     fields = [*study.file.axes, *([study.search.field] if study.search else [])]
     clash = [name for name in fields if name in RESERVED or fields.count(name) > 1]
     if clash:
@@ -379,7 +391,7 @@ def beside(document: Document, name: str) -> str:
     """A file that a study names, from the study's own folder if it is a relative path and lies there."""
     path = Path(name)
     there = Path(document.path).parent / path
-    return str(there) if path.suffix and not path.is_absolute() and there.is_file() else name
+    return str(there) if path.suffix and not path.is_absolute() and is_file(there) else name
 
 
 def cell_of(chosen: Mapping[str, AxisValue]) -> Cell:

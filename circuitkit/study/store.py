@@ -16,6 +16,7 @@ from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import replacing, write_text
+from circuitkit.base.reading import read_text
 from circuitkit.study.cases import Outcome
 from circuitkit.study.results import Results, Row, arrow, outcome_of, table_of
 from circuitkit.study.spec import RMS, Study, make_study
@@ -155,16 +156,17 @@ class Store:
 
     def _manifest(self) -> dict[str, Any]:
         try:
-            manifest = json.loads(self._study_file.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+            manifest: Any = json.loads(read_text(self._study_file, "what a sweep was about"))
+        except (InputError, ValueError, RecursionError) as error:
             message = (
                 f"there are no results of a sweep in '{self.folder}'; allowed: the folder that a sweep wrote"
             )
             raise OtherStudyError(Problem("", 0, 0, "", message)) from error
-        if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
+        found: dict[str, Any] = manifest if isinstance(manifest, dict) else {}
+        if found.get("format") != _FORMAT or not isinstance(found.get("study"), dict):
             message = f"'{self._study_file}' was written by another version; allowed: format {_FORMAT}"
             raise OtherStudyError(Problem("", 0, 0, "", message))
-        return manifest
+        return found
 
     def _rows(self) -> Iterator[dict[str, Any]]:
         """The rows that are there; those of a finished sweep, if it was stopped before it tidied up."""

@@ -85,7 +85,7 @@ def test_an_mjcf_that_is_not_there_or_wrong(circuitkit):
     done = circuitkit("init", "--robot", "no.xml")
     assert (done.code, done.err) == (
         1,
-        "no.xml:1:1: --robot: no such file; allowed: the path of an MJCF file\n",
+        "no.xml:1:1: there is no such file; allowed: the path of an MJCF file\n",
     )
     Path("bad.xml").write_text("<mujoco><worldbody>", encoding="utf-8")
     done = circuitkit("init", "--robot", "bad.xml")

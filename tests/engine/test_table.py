@@ -212,13 +212,12 @@ def test_many_problems_of_a_table_are_counted(relay, tmp_path):
 def test_a_table_that_is_not_there_or_no_text(relay, tmp_path):
     with pytest.raises(InputError) as caught:
         run_table(relay, table=tmp_path / "no.csv")
-    assert str(caught.value) == f"{tmp_path / 'no.csv'}:1:1: cannot be read: No such file or directory"
+    assert str(caught.value) == f"{tmp_path / 'no.csv'}:1:1: there is no such file; allowed: a CSV table"
     (tmp_path / "bad.csv").write_bytes(b"load\n\xff\n")
     with pytest.raises(InputError) as caught:
         run_table(relay, table=tmp_path / "bad.csv")
-    assert (
-        str(caught.value) == f"{tmp_path / 'bad.csv'}:1:1: not text in UTF-8 (byte 5); allowed: a CSV table"
-    )
+    found = "found the byte 0xff, which is no UTF-8; allowed: a text file in UTF-8"
+    assert str(caught.value) == f"{tmp_path / 'bad.csv'}:2:1: {found}"
 
 
 @pytest.mark.parametrize(

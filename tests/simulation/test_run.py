@@ -148,7 +148,7 @@ def test_an_unknown_servo_profile(mine):
 def test_an_unknown_gait(mine):
     said = complaints(mine(("gait: gait_march", "gait: gait_marsh")))
     assert said.startswith(
-        "gait_marsh:1:1: unknown name 'gait_marsh'; allowed: a path, or one of the shipped gaits: "
+        "mine.yaml:3:19: reference.gait: unknown name 'gait_marsh'; allowed: a path, or one of the "
     )
     assert said.endswith("did you mean 'gait_march'?")
 

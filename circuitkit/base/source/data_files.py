@@ -16,7 +16,8 @@ from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
 
-from circuitkit.base.errors import InputError, Problem, listing, suggest
+from circuitkit.base.errors import InputError, Problem, Unopened, listing, suggest
+from circuitkit.base.reading import is_file
 from circuitkit.base.registry import plugged_in
 from circuitkit.base.source.validation import describe
 
@@ -98,7 +99,7 @@ def shipped_file(folder: str, inner: str) -> Path | None:
         folder: Such as "circuits" or "robots".
         inner: Such as "binn_lateral.yaml" or "nao/robot.yaml".
     """
-    found = [place / inner for place in data_folders(folder) if (place / inner).is_file()]
+    found = [place / inner for place in data_folders(folder) if is_file(place / inner)]
     for other in found[1:]:
         _warn_once(f"'{inner}' stands for '{found[0]}'; '{other}' has the same name: use its path")
     return found[0] if found else None
@@ -138,11 +139,11 @@ def find_data_file(name_or_path: str | Path, folder: str) -> Path:
         InputError: There is no shipped file of this name; lists those there are.
     """
     path = path_of(name_or_path, Path(folder).name)
-    if path.suffix or len(path.parts) != 1 or path.is_file():
+    if path.suffix or len(path.parts) != 1 or is_file(path):
         return path
     if found := shipped_file(folder, f"{path.name}{_SUFFIX}"):
         return found
     names = shipped_names(folder)
     shipped = f"one of the shipped {Path(folder).name}: {listing(names)}"
     message = f"unknown name '{path}'; allowed: a path, or {shipped}"
-    raise InputError(Problem(str(path), 1, 1, "", message, suggest(path.name, names)))
+    raise InputError(Unopened(str(path), 1, 1, "", message, suggest(path.name, names)))

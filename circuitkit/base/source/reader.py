@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypedDict, Unpack
 import yaml
 
 from circuitkit.base.errors import InputError, Problem, suggest
+from circuitkit.base.reading import INTEGERS_END, not_a_name, not_a_text, read_text, require_printable
 
 # What a file can hold. Keys are always text.
 Data: TypeAlias = "bool | int | float | str | list[Data] | dict[str, Data] | None"
@@ -99,7 +100,7 @@ def place_text(place: Place) -> str:
 
 _MOST_BY_ALIASES = 200_000
 _DEEPEST = 50
-_UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_KEPT = 60  # letters of a name that is refused
 
 # What shows only lines later, such as a bracket that is never closed: the mistake is where it begins.
 _NEVER_ENDS = re.compile("flow|quoted|simple key")
@@ -135,34 +136,19 @@ def scan_yaml(path: str | Path) -> tuple[Document | None, list[Problem]]:
     Where a value is refused, the document holds its text, so that the rest can still be checked; there is no
     document if the text is not YAML at all.
     """
-    shown = str(path)
     try:
-        raw = Path(path).read_bytes()
-    except FileNotFoundError:
-        siblings = sorted(sibling.name for sibling in Path(path).parent.glob("*.y*ml"))
-        hint = suggest(Path(path).name, siblings)
-        return None, [Problem(shown, 1, 1, "", "there is no such file; allowed: a YAML file", hint)]
-    except IsADirectoryError:
-        return None, [Problem(shown, 1, 1, "", "found a folder; allowed: a YAML file")]
-    except OSError as error:
-        return None, [Problem(shown, 1, 1, "", f"cannot be read: {error.strerror}; allowed: a YAML file")]
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = raw[: error.start]
-        line, column = before.count(b"\n") + 1, error.start - (before.rfind(b"\n") + 1) + 1
-        found = f"found the byte 0x{raw[error.start]:02x}, which is no UTF-8; allowed: a text file in UTF-8"
-        return None, [Problem(shown, line, column, "", found)]
-    return scan_text(text, shown)
+        text = read_text(path, "a YAML file")
+    except InputError as error:
+        return None, list(error.problems)
+    return scan_text(text, str(path))
 
 
 def scan_text(text: str, path: str) -> tuple[Document | None, list[Problem]]:
     """Read YAML text as far as it can be read, with what is wrong with it; see `scan_yaml`."""
-    if (unprintable := _UNPRINTABLE.search(text)) is not None:
-        before = text[: unprintable.start()]
-        line, column = before.count("\n") + 1, unprintable.start() - (before.rfind("\n") + 1) + 1
-        found = f"found the control character U+{ord(unprintable[0]):04X}; allowed: printable text"
-        return None, [Problem(path, line, column, "", found)]
+    try:
+        require_printable(text, path)
+    except InputError as error:
+        return None, list(error.problems)
     builder = _Builder(path, text)
     try:
         data = builder.document()
@@ -280,6 +266,9 @@ class _Builder:
     def scalar(self, event: Any, place: Place, line: int) -> Data:  # noqa: ANN401 - as above
         """The value of a scalar on a line; what is refused is reported, and stays as its text."""
         text: str = event.value
+        if event.style == '"' and (complaint := not_a_text(text)):  # an escape such as \e may write anything
+            self.complain(event, place, complaint)
+            return "".join(each for each in text if each.isprintable())
         if event.style or "\n" in text or " " in text:
             is_on_one_line = event.end_mark.line + 1 == line
             if event.style or not is_on_one_line:
@@ -308,6 +297,9 @@ class _Builder:
             if type(key) is not yaml.ScalarEvent or key.value == "":
                 self.give_up(key, "found a key that is no text; allowed: a name as key")
             name: str = key.value
+            if complaint := not_a_name(name):
+                self.complain(key, place, complaint)
+                name = "".join(each for each in name if each.isprintable())[:_KEPT]
             inner = (*place, name)
             if name in data:
                 first = self.marks[inner]
@@ -344,6 +336,7 @@ _LEADING_ZERO = re.compile(r"[-+]?0\d[\d_]*(?:\.\d*)?(?:[eE][-+]?\d+)?")
 _OTHER_BASE = re.compile(r"[-+]?0(?:[xX][\da-fA-F_]+|[oO][0-7_]+|[bB][01_]+)")
 _UNDERSCORE = re.compile(r"[-+]?\d[\d_]*(?:\.[\d_]*)?(?:[eE][-+]?\d+)?")
 _SEXAGESIMAL = re.compile(r"[-+]?\d[\d_]*(?::[0-5]?\d)+(?:\.\d*)?")
+_NOT_ZERO = re.compile(r"[-+]?[0.]*[1-9]")
 _LONGEST_INTEGER = 300
 
 _REFUSED = (
@@ -370,12 +363,18 @@ def plain_scalar(text: str) -> bool | float | int | str | None:
     if text[0] not in _STARTS_A_NUMBER:
         return text
     if _INTEGER.fullmatch(text) and len(text) < _LONGEST_INTEGER:
-        return int(text)
-    if _REAL.fullmatch(text):
-        number = float(text)
-        if math.isfinite(number):
+        if abs(number := int(text)) < INTEGERS_END:
             return number
-        raise RefusedScalarError(_refusal(text, "a finite number"))
+        raise RefusedScalarError(
+            _refusal(text, "whole numbers below 2^63; as a real number, with an exponent")
+        )
+    if _REAL.fullmatch(text):
+        real = float(text)
+        if not math.isfinite(real):
+            raise RefusedScalarError(_refusal(text, "a finite number"))
+        if not real and _NOT_ZERO.match(text):
+            raise RefusedScalarError(_refusal(text, "0, or a number that a float can hold"))
+        return real
     for pattern, allowed in _REFUSED:
         if pattern.fullmatch(text):
             raise RefusedScalarError(_refusal(text, allowed))

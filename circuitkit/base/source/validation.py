@@ -109,6 +109,8 @@ def model_problems(
         return model.model_validate_json(json.dumps(data), strict=True), []
     except ValidationError as error:
         findings = _findings(document, model, data, at, error)
+    if not at and isinstance(data, dict):
+        findings = _of_another_kind(document, model, data, findings)
     return None, sorted(findings, key=lambda finding: (finding.problem.line, finding.problem.column))
 
 
@@ -138,6 +140,30 @@ def _findings(
     return findings
 
 
+# Every file begins with its name, under the key that is its kind. A study names a scenario, and a scenario a
+# robot, so that the first of these keys tells.
+_FILE_KINDS = ("study", "scenario", "gait", "controller", "robot", "circuit", "model")
+OTHER_KIND = "other_kind"  # the finding that a file is of another kind, or of none
+
+
+def _of_another_kind(
+    document: Document, model: type[BaseModel], data: dict[str, Data], findings: list[Finding]
+) -> list[Finding]:
+    """One finding in the place of all, where most keys are unknown: the file is not what it should be."""
+    keys = keys_of(model)
+    unknown = [key for key in data if key not in keys]
+    wanted = next((kind for kind in _FILE_KINDS if kind in keys), None)
+    found = next((kind for kind in _FILE_KINDS if kind in data), None)
+    if wanted is None or found == wanted or 2 * len(unknown) <= max(len(data), 3):
+        return findings
+    if found is not None:
+        message = f"this is a {found}; allowed: a {wanted}"
+        return [Finding((found,), OTHER_KIND, document.problem((found,), message, at_key=True))]
+    message = f"unknown key '{unknown[0]}' and {len(unknown) - 1} more, so this is no {wanted}"
+    allowed = f"{message}; allowed: {listing(sorted(keys))}"
+    return [Finding((unknown[0],), OTHER_KIND, document.problem((unknown[0],), allowed, at_key=True))]
+
+
 def _part(data: Data, place: Place) -> Data:
     """The part of the data at a place that is there."""
     for part in place:
@@ -160,7 +186,7 @@ def _misspelt(
         return
     keys, written = keys_of(around), _part(data, place[:-1])
     for key in written if isinstance(written, dict) else ():
-        if key not in keys and suggest(key, keys) == suggest(str(place[-1]), [str(place[-1])]):
+        if key not in keys and suggest(key, keys) == f"did you mean '{place[-1]}'?":
             message = f"unknown key '{key}'; allowed: {listing(sorted(keys))}"
             problem = document.problem((*at, *place[:-1], key), message, suggest(key, keys), at_key=True)
             yield Finding((*at, *place[:-1], key), "extra_forbidden", problem)

@@ -51,7 +51,7 @@ class WieberMpcSpec(ControllerSpec):
         default=0.0, ge=0, le=1, description="The same of the sensed velocity; feedback com only."
     )
     preview_step: Seconds = Field(gt=0, description="T, also the time between two updates.")
-    preview_steps: int = Field(ge=1, description="N.")
+    preview_steps: int = Field(ge=1, le=1000, description="N.")
     zmp_weight: PerSecondToTheSixth = Field(
         ge=0, description="Weight of the ZMP's squared distance from the plan against the squared jerk."
     )

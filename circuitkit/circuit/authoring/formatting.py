@@ -16,6 +16,7 @@ from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, UnitError
 from circuitkit.base.files import replacing
+from circuitkit.base.reading import read_text
 from circuitkit.base.source import (
     Data,
     find_data_file,
@@ -23,7 +24,6 @@ from circuitkit.base.source import (
     model_problems,
     parse_yaml,
     scan_text,
-    scan_yaml,
 )
 from circuitkit.base.source.commented import Collection, CommentedText, Entry, Scalar, read_commented
 from circuitkit.base.source.rewriting import write_commented
@@ -99,10 +99,7 @@ def format_file(path_or_name: str | Path) -> Formatted:
         InputError: With every error of the file.
     """
     path = find_data_file(path_or_name, FOLDER)
-    document, problems = scan_yaml(path)
-    if document is None:
-        raise InputError(*problems)
-    before = path.read_bytes().decode("utf-8-sig")
+    before = read_text(path, "a YAML file")
     return Formatted(path, before, format_text(before, str(path)))
 
 

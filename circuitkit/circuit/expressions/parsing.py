@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import re
+import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial, reduce
@@ -89,12 +90,12 @@ def parse_expression(
         ExpressionError: It is no expression, or uses a name or a function that is not allowed; its `offset`
             says where in the text.
     """
-    if len(text) > _MAX_LENGTH:
-        message = f"found an expression of {len(text)} characters; allowed: {_MAX_LENGTH}"
-        raise ExpressionError(message)
+    require_length(text)
     source = _Source(text, frozenset(names), {**_ARITIES, **functions}, references, units=units)
     try:
-        tree = ast.parse(source.python, mode="eval")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # Python's style is not this language's
+            tree = ast.parse(source.python, mode="eval")
         source.restore_names(tree)
         return _convert(tree.body, source)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -103,6 +104,17 @@ def parse_expression(
         message = f"cannot read the expression '{text}'; {_ALLOWED}"
         column = error.offset if isinstance(error, SyntaxError) and error.offset else 1
         raise ExpressionError(message, source.offset(column - 1)) from error
+
+
+def require_length(text: str) -> None:
+    """Refuse a text that is too long for an expression.
+
+    Raises:
+        ExpressionError: It is.
+    """
+    if len(text) > _MAX_LENGTH:
+        message = f"found an expression of {len(text)} characters; allowed: {_MAX_LENGTH}"
+        raise ExpressionError(message)
 
 
 def require_values(expression: Expression) -> None:
@@ -382,8 +394,10 @@ def with_stand_ins(
         stand_ins: Names that stand for other parts of the text already.
 
     Raises:
-        ExpressionError: A number is followed by something that is neither a unit nor an operator.
+        ExpressionError: A number is followed by something that is neither a unit nor an operator, or is too
+            large with its unit.
     """
+    require_length(text)
     stand_ins = stand_ins or StandIns()
     pieces, position = [], 0
     for match in _NUMBER.finditer(text):
@@ -391,7 +405,10 @@ def with_stand_ins(
         if end > match.end():
             written = text[match.start() : end]
             name = stand_ins.add(written)
-            stand_ins.quantities[name] = parse_quantity(written)
+            try:
+                stand_ins.quantities[name] = parse_quantity(written)
+            except UnitError as error:  # it is too large
+                raise ExpressionError(str(error), match.start()) from error
             pieces += [text[position : match.start()], name]
             position = end
     return "".join((*pieces, text[position:])), stand_ins

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
-from circuitkit.base.errors import ExpressionError, UnitError, listing, suggest
+from circuitkit.base.errors import ExpressionError, OutOfRangeError, UnitError, listing, suggest
 from circuitkit.base.source import describe
 from circuitkit.base.units import (
     DIMENSIONLESS,
@@ -240,6 +240,8 @@ def _read(text: str) -> Quantity | _Formula:
         return _Formula(text, Name(stripped), {}, {stripped: (stripped, text.index(stripped))})
     try:
         return parse_quantity(stripped)
+    except OutOfRangeError as error:
+        raise ValueProblemError(str(error)) from error
     except UnitError as error:
         refusal = error
     try:
@@ -296,8 +298,10 @@ def not_a_value(value: object) -> str | None:
     return f"found {describe(value)}; allowed: a number, a quantity such as '-80 mm', or a parameter"
 
 
-def unknown_parameter(name: str, parameters: Iterable[str]) -> ValueProblemError:
-    """Return the complaint about a name that is no parameter."""
+def unknown_parameter(name: str, parameters: Iterable[str], *, hint: bool = True) -> ValueProblemError:
+    """Return the complaint about a name that is no parameter, perhaps with the one that was meant."""
     known = tuple(parameters)
     allowed = f"a number, a quantity such as '-80 mm', or a parameter: {listing(known)}"
-    return ValueProblemError(f"unknown parameter '{name}'; allowed: {allowed}", suggest(name, known))
+    return ValueProblemError(
+        f"unknown parameter '{name}'; allowed: {allowed}", suggest(name, known) if hint else ""
+    )

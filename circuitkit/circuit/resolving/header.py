@@ -15,6 +15,9 @@ from circuitkit.circuit.resolving.scope import Scope
 from circuitkit.circuit.spec import FileSpec
 
 _SECOND = parse_unit("s")
+_SHORTEST_STEP_S, _LONGEST_STEP_S = 1e-9, 3600.0
+MOST_COUNT = 2**53  # up to which floats have every whole number
+MOST_SUBSTEPS = 1_000_000
 HEADER_KEYS = ("control_step", "timing", "substeps", "seed")
 _TIMINGS: tuple[Timing, ...] = get_args(Timing)
 
@@ -43,10 +46,11 @@ def read_header(scope: Scope) -> Header | None:
     step = None
     if spec.control_step is not None or scope.is_given(main, ("control_step",)):
         step = scope.value(main, ("control_step",), spec.control_step, _SECOND)
-        if step is not None and step.value_si <= 0:
-            message = f"found {step}; allowed: more than 0 s"
-            scope.errors.append(main.problem(("control_step",), message))
-    substeps = whole_number(scope, "substeps", 1, 1)
+        if step is not None and not _SHORTEST_STEP_S <= step.value_si <= _LONGEST_STEP_S:
+            allowed = "more than 0 s" if step.value_si <= 0 else "1 ns to 1 h"
+            scope.errors.append(main.problem(("control_step",), f"found {step}; allowed: {allowed}"))
+            step = None
+    substeps = whole_number(scope, "substeps", 1, 1, MOST_SUBSTEPS)
     seed = whole_number(scope, "seed", 0, 0)
     finest = substeps
     for each in scope.everything():
@@ -71,7 +75,7 @@ def _timing(scope: Scope) -> Timing | None:
     return None
 
 
-def whole_number(scope: Scope, key: str, absent: int, least: int) -> int | None:
+def whole_number(scope: Scope, key: str, absent: int, least: int, most: int = MOST_COUNT) -> int | None:
     """Return a whole number of the circuit file; None after complaining."""
     value = getattr(scope.main.spec, key)
     if value is None and not scope.is_given(scope.main, (key,)):
@@ -79,11 +83,22 @@ def whole_number(scope: Scope, key: str, absent: int, least: int) -> int | None:
     quantity = scope.value(scope.main, (key,), value, DIMENSIONLESS, f"{key} is a number")
     if quantity is None:
         return None
-    if quantity.value_si != int(quantity.value_si) or quantity.value_si < least:
-        message = f"found {quantity}; allowed: a whole number from {least} on"
-        scope.errors.append(scope.main.problem((key,), message))
-        return None
-    return int(quantity.value_si)
+    return _counted_in(scope, scope.main, key, quantity, least, most)
+
+
+def _counted_in(
+    scope: Scope, item: Item[FileSpec], key: str, quantity: Quantity, least: int, most: int
+) -> int | None:
+    """A quantity as a whole number within bounds; None after complaining."""
+    if (count := counted(quantity.value_si, least, most)) is None:
+        bounds = f"from {least} on" if quantity.value_si <= most else f"from {least} to {most}"
+        scope.errors.append(item.problem((key,), f"found {quantity}; allowed: a whole number {bounds}"))
+    return count
+
+
+def counted(value: float, least: int, most: int = MOST_COUNT) -> int | None:
+    """A number as a whole one within bounds; None if it is none."""
+    return int(value) if least <= value <= most and value == int(value) else None
 
 
 def _compare(root: Scope, scope: Scope, step: Quantity | None) -> None:
@@ -108,8 +123,8 @@ def _substeps_within(root: Scope, scope: Scope) -> list[int]:
     for part, item in _included(root, scope):
         if part.spec.substeps is not None:
             quantity = scope.value(item, ("substeps",), part.spec.substeps, DIMENSIONLESS)
-            if quantity is not None and quantity.value_si == int(quantity.value_si):
-                found.append(int(quantity.value_si))
+            if quantity is not None:
+                found.append(_counted_in(scope, item, "substeps", quantity, 1, MOST_SUBSTEPS) or 1)
     return found
 
 

@@ -7,23 +7,34 @@ synapse.
 
 from __future__ import annotations
 
+import csv
 import importlib
+import io
+import math
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.base.archive import REAL, ArchiveError, open_archive
+from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, listing
+from circuitkit.base.reading import MIB, MOST_TABLE, decoded, open_file, read_text
+from circuitkit.circuit.resolving import sparse
 from circuitkit.circuit.resolving.connectivity import Connections
 
 Weights = npt.NDArray[np.float64] | None
 Matrix = tuple[Connections, Weights]
 _SPARSE_KEYS = frozenset({"indices", "indptr", "shape"})
 _COLUMNS = ("source", "target", "weight")
+_NUMBERS_OF_ARROW = re.compile(r"u?int(8|16|32|64)|halffloat|float|double")
+MOST_MATRIX = 16 * 1024 * MIB
+_LONGEST_LINE = 64 * MIB
+_SEPARATORS = ";\t "
+_SEPARATE = "; separate the columns by commas, and write decimals with points"
 
 
 class MatrixFileError(CircuitkitError):
@@ -50,37 +61,99 @@ def read_matrix(path: Path, n_target: int, n_source: int) -> Matrix:
     if path.suffix not in readers:
         message = f"found a matrix file '{path.name}'; allowed: {listing(readers)}"
         raise MatrixFileError(message)
-    if not path.is_file():
-        message = f"there is no file '{path}'; allowed: a matrix file by path from here"
-        raise MatrixFileError(message)
     try:
         return readers[path.suffix](path, n_target, n_source)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        message = (
-            f"cannot read '{path}': {str(error).splitlines()[0] if str(error) else type(error).__name__}"
-        )
+    except MatrixFileError:
+        raise
+    except InputError as error:
+        problem = error.problems[0]
+        if problem.is_placed:
+            raise MatrixFileError(str(problem)) from error
+        if problem.message.startswith("there is no"):
+            message = f"there is no file '{path}'; allowed: a matrix file by path from here"
+        else:
+            message = f"cannot read '{path}': {problem.message}"
+        raise MatrixFileError(message) from error
+    except ArchiveError as error:
+        message = f"cannot read '{path}': {error}"
+        raise MatrixFileError(message) from error
+    except MemoryError as error:
+        message = f"cannot read '{path}': it needs more memory than there is; allowed: a smaller one"
         raise MatrixFileError(message) from error
 
 
 def _read_csv(path: Path, n_target: int, n_source: int) -> Matrix:
-    with path.open(encoding="utf-8-sig") as file:
-        header = [word.strip() for word in file.readline().split(",")]
-    if not header[0].isidentifier():
-        return _dense(_numbers(path), n_target, n_source)
+    begin, header = _header(path)
+    if header is None:
+        return _dense(_numbers(path, 0), n_target, n_source)
     _check_columns(header)
-    table = _numbers(path, lines_of_header=1)
-    columns = dict(zip(header, table.reshape(-1, len(header)).T, strict=True))
+    table = _numbers(path, begin)
+    if table.shape[1] != len(header):
+        raise _fault(path, begin, len(header))
+    columns = dict(zip(header, table.T, strict=True))
     return _edges(columns, n_target, n_source)
 
 
-def _numbers(path: Path, lines_of_header: int = 0) -> npt.NDArray[np.float64]:
+def _header(path: Path) -> tuple[int, list[str] | None]:
+    """How many lines the header and what is above it take, and its names; None if the table has none."""
+    with open_file(path, "a CSV file", MOST_TABLE) as file:
+        above = 0
+        while (line := file.readline(_LONGEST_LINE)).strip() in {b"", b"\xef\xbb\xbf"} or line[:1] == b"#":
+            if not line:
+                return 0, None
+            above += 1
+    first = decoded(line, str(path))
+    cells = [cell.strip() for cell in next(csv.reader([first]))]
+    if any(_is_number(cell) for cell in cells):
+        return 0, None
+    return above + 1, cells
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def _numbers(path: Path, begin: int) -> npt.NDArray[np.float64]:
+    """The table behind the header; numpy reads files much faster than lines, so it opens this one again."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of no data, which is said below
-        table = np.loadtxt(path, delimiter=",", ndmin=2, skiprows=lines_of_header, encoding="utf-8-sig")
+        try:
+            table = np.loadtxt(
+                path, delimiter=",", quotechar='"', ndmin=2, skiprows=begin, encoding="utf-8-sig"
+            )
+        except ValueError as error:
+            raise _fault(path, begin) from error
     if not table.size:
         message = f"found no numbers in '{path}'; allowed: a row for every target, or for every synapse"
         raise MatrixFileError(message)
+    if not np.isfinite(table.sum()) and not np.isfinite(table).all():
+        raise _fault(path, begin)
     return table
+
+
+def _fault(path: Path, begin: int, width: int = 0) -> MatrixFileError:
+    """What is wrong with a table that numpy refused: its first such cell; lines and columns count from 1."""
+    lines = csv.reader(io.StringIO(read_text(path, "a CSV file", MOST_TABLE), newline=""))
+    try:
+        for row in lines:
+            if lines.line_num <= begin or not "".join(row).strip() or row[0].startswith("#"):
+                continue
+            width = width or len(row)
+            for column, cell in enumerate(row, 1):
+                if not _is_number(cell) or not math.isfinite(float(cell)):
+                    hint = _SEPARATE if any(mark in cell for mark in _SEPARATORS) else ""
+                    found = f"found '{cell[:60]}' in '{path}', line {lines.line_num}, column {column}"
+                    return MatrixFileError(f"{found}; allowed: a finite number{hint}")
+            if len(row) != width:
+                found = f"found {len(row)} values in '{path}', line {lines.line_num}"
+                return MatrixFileError(f"{found}; allowed: {width}, as in the line above")
+    except csv.Error as error:
+        return MatrixFileError(f"cannot read '{path}', line {lines.line_num}: {error}; allowed: a CSV table")
+    return MatrixFileError(f"cannot read '{path}': numpy does not read its numbers; allowed: a CSV table")
 
 
 def _read_parquet(path: Path, n_target: int, n_source: int) -> Matrix:
@@ -89,61 +162,89 @@ def _read_parquet(path: Path, n_target: int, n_source: int) -> Matrix:
     except ImportError as error:
         package, extra = "pyarrow", "data"
         raise MissingDependencyError(package, extra, f"reading '{path}'") from error
-    names = list(parquet.read_schema(path).names)
-    _check_columns(names)
-    table = parquet.read_table(path, columns=[name for name in _COLUMNS if name in names])
+    with open_file(path, "a Parquet file", MOST_TABLE) as file:
+        try:
+            opened = parquet.ParquetFile(file)
+            used = _columns_of(opened, n_target * n_source)
+            table = opened.read(columns=used)
+        except (CircuitkitError, MemoryError):
+            raise
+        except Exception as error:  # of pyarrow, which has many
+            said = str(error).partition("\n")[0] or type(error).__name__
+            message = f"cannot read '{path}': {said}; allowed: a Parquet file"
+            raise MatrixFileError(message) from error
     columns = {name: table.column(name).to_numpy() for name in table.column_names}
     return _edges(columns, n_target, n_source)
 
 
+def _columns_of(opened: Any, most: int) -> list[str]:  # noqa: ANN401 - pyarrow is not typed
+    """The columns of a Parquet file that are read; refuses rows and types that cannot be right."""
+    schema, rows = opened.schema_arrow, opened.metadata.num_rows
+    _check_columns(list(schema.names))
+    if rows > most:
+        message = f"found {rows} rows; allowed: up to {most}, each synapse once"
+        raise MatrixFileError(message)
+    used = [name for name in _COLUMNS if name in schema.names]
+    for name in used:
+        kind = str(schema.field(name).type)
+        if not _NUMBERS_OF_ARROW.fullmatch(kind):
+            message = f"found the column {name} of the type {kind[:60]}; allowed: numbers"
+            raise MatrixFileError(message)
+    return used
+
+
 def _check_columns(names: list[str]) -> None:
-    if not {"source", "target"} <= set(names) <= set(_COLUMNS):
-        message = f"found the columns {listing(names)}; allowed: source, target and, if it has one, weight"
+    if not {"source", "target"} <= set(names) <= set(_COLUMNS) or len(set(names)) < len(names):
+        shown = listing(name or "(no name)" for name in names)
+        message = f"found the columns {shown}; allowed: source, target and, if it has one, weight"
+        if len(names) == 1 and any(mark in names[0] for mark in _SEPARATORS):
+            message += _SEPARATE
+        elif not names[0] or {"source", "target"}.isdisjoint(names):
+            message += "; or a table of numbers alone, without names of rows and columns"
         raise MatrixFileError(message)
 
 
 def _read_npz(path: Path, n_target: int, n_source: int) -> Matrix:
-    with np.load(path, allow_pickle=False) as arrays:
-        names = list(arrays)
-        if set(names) >= _SPARSE_KEYS and _format(arrays) == "csr":
-            _check_shape(tuple(int(n) for n in arrays["shape"]), n_target, n_source)
-            indptr = np.asarray(arrays["indptr"], dtype=np.int64)
-            sources = np.asarray(arrays["indices"], dtype=np.int32)
-            weights = _real(arrays["data"]) if "data" in names else None
-            return _checked(indptr, sources, weights, n_source)
-        if "format" not in names:
+    shape = (n_target, n_source)
+    with open_archive(path, MOST_MATRIX) as archive:
+        names = list(archive.members)
+        if "format" not in names and not set(names) >= _SPARSE_KEYS:
             if len(names) != 1:
                 message = (
                     f"found the arrays {listing(names)}; allowed: one, or a sparse matrix as scipy saves it"
                 )
                 raise MatrixFileError(message)
-            return _dense(arrays[names[0]], n_target, n_source)
-    from scipy import sparse  # 0.1 s, which only a file of scipy's own needs
+            _check_shape(archive.shape(names[0]), *shape)
+            return _dense(archive.array(names[0], REAL, 2, n_target * n_source), *shape)
+        _check_shape(sparse.shape_of(archive), *shape)
+        if (form := sparse.form_of(archive)) == "csr":
+            indptr, columns, weights = sparse.rows_of(archive, shape)
+            return _checked(
+                indptr, columns.astype(np.int32, copy=False), None if weights is None else _real(weights)
+            )
+        rows, columns, values = sparse.entries_of(archive, form, shape)
+    # numpy sorts numbers of two bytes by their digits, six times as fast
+    keys = [each.astype(np.min_scalar_type(n - 1)) for each, n in ((columns, n_source), (rows, n_target))]
+    order = np.lexsort(keys)
+    return _checked(_starts(rows, n_target), columns[order].astype(np.int32), _real(values[order]))
 
-    matrix = sparse.load_npz(path).tocsr()
-    _check_shape(matrix.shape, n_target, n_source)
-    indptr = matrix.indptr.astype(np.int64)
-    return _checked(indptr, matrix.indices.astype(np.int32), _real(matrix.data), n_source)
 
-
-def _format(arrays: Any) -> str:  # noqa: ANN401 - numpy's open file
-    found = arrays["format"].item() if "format" in arrays else "csr"
-    return found.decode() if isinstance(found, bytes) else str(found)
+def _starts(targets: npt.NDArray[Any], n_target: int) -> npt.NDArray[np.int64]:
+    """Where the synapses of each target begin among all, shape (n_target + 1,)."""
+    starts = np.zeros(n_target + 1, dtype=np.int64)
+    np.cumsum(np.bincount(targets.astype(np.int64), minlength=n_target), out=starts[1:])
+    return starts
 
 
 def _dense(table: npt.NDArray[Any], n_target: int, n_source: int) -> Matrix:
     _check_shape(table.shape, n_target, n_source)
     rows, columns = np.nonzero(table)
-    indptr = np.zeros(n_target + 1, dtype=np.int64)
-    np.cumsum(np.bincount(rows, minlength=n_target), out=indptr[1:])
-    return _checked(indptr, columns.astype(np.int32), _real(table[rows, columns]), n_source)
+    return _checked(_starts(rows, n_target), columns.astype(np.int32), _real(table[rows, columns]))
 
 
 def _real(weights: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    if np.iscomplexobj(weights):  # casting would drop a part of each
-        message = "found complex numbers; allowed: real ones"
-        raise MatrixFileError(message)
-    return np.asarray(weights, dtype=np.float64)
+    with np.errstate(over="ignore"):  # of longer floats; what is not finite is refused
+        return np.asarray(weights, dtype=np.float64)
 
 
 def _edges(columns: Mapping[str, npt.NDArray[Any]], n_target: int, n_source: int) -> Matrix:
@@ -159,10 +260,8 @@ def _edges(columns: Mapping[str, npt.NDArray[Any]], n_target: int, n_source: int
             raise MatrixFileError(message)
     order = np.lexsort((columns["source"], columns["target"]))
     sources = columns["source"][order].astype(np.int32)
-    indptr = np.zeros(n_target + 1, dtype=np.int64)
-    np.cumsum(np.bincount(columns["target"].astype(np.int64), minlength=n_target), out=indptr[1:])
-    weights = columns["weight"][order].astype(np.float64) if "weight" in columns else None
-    return _checked(indptr, sources, weights, n_source)
+    weights = _real(columns["weight"][order]) if "weight" in columns else None
+    return _checked(_starts(columns["target"], n_target), sources, weights)
 
 
 def _check_shape(shape: tuple[int, ...], n_target: int, n_source: int) -> None:
@@ -172,22 +271,15 @@ def _check_shape(shape: tuple[int, ...], n_target: int, n_source: int) -> None:
         raise MatrixFileError(message)
 
 
-def _checked(
-    indptr: npt.NDArray[np.int64], sources: npt.NDArray[np.int32], weights: Weights, n_source: int
-) -> Matrix:
+def _checked(indptr: npt.NDArray[np.int64], sources: npt.NDArray[np.int32], weights: Weights) -> Matrix:
     """Require every pair once and finite weights; put rows in order if need be."""
     if weights is not None and not np.isfinite(weights.sum()):
         wrong = np.flatnonzero(~np.isfinite(weights))
         if len(wrong):
             row, column = _pair(indptr, sources, wrong[0])
-            message = f"found {weights[wrong[0]]:g} in row {row}, column {column}; allowed: finite numbers"
+            found = f"found {weights[wrong[0]]:g} for the synapse from {column} to {row}"
+            message = f"{found}; allowed: finite numbers"
             raise MatrixFileError(message)
-    if len(sources) and (sources.min() < 0 or sources.max() >= n_source):
-        message = f"found the column {sources.max()}; allowed: 0 to {n_source - 1}"
-        raise MatrixFileError(message)
-    if indptr[0] != 0 or indptr[-1] != len(sources) or (np.diff(indptr) < 0).any():
-        message = "found rows that do not follow each other; allowed: a sparse matrix as scipy saves it"
-        raise MatrixFileError(message)
     if _not_ascending(indptr, sources).any():
         order = np.lexsort((sources, np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))))
         sources, weights = sources[order], None if weights is None else weights[order]
@@ -212,5 +304,5 @@ def _pair(
     sources: npt.NDArray[np.int32],
     position: Any,  # noqa: ANN401 - an index
 ) -> tuple[int, int]:
-    """Return row and column of a synapse, from 0."""
+    """Return target and source of a synapse, counted from 0 as members are."""
     return int(np.searchsorted(indptr, position, side="right")) - 1, int(sources[position])

@@ -29,6 +29,7 @@ from circuitkit.circuit.resolving.declared_models import (
     reader,
     written_parameters,
 )
+from circuitkit.circuit.resolving.header import counted
 from circuitkit.circuit.resolving.scope import Located, Scope
 from circuitkit.circuit.spec import OutputSpec, PopulationSpec
 
@@ -272,9 +273,9 @@ def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, b
     size = scope.value(item, ("size",), item.spec.size, DIMENSIONLESS, "it is a number of neurons")
     if size is None:
         return None
-    count = int(size.value_si)
-    if count != size.value_si or count < 1:
-        scope.errors.append(item.problem(("size",), f"found {size}; allowed: a whole number from 1 on"))
+    if (count := counted(size.value_si, 1)) is None:
+        bounds = f"from 1 to {_LARGEST}" if size.value_si > _LARGEST else "from 1 on"
+        scope.errors.append(item.problem(("size",), f"found {size}; allowed: a whole number {bounds}"))
         return None
     complaint = budget.neurons(
         count, len(model.parameters) if model else 0, len(model.states) if model else 0

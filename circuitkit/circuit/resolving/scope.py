@@ -49,6 +49,7 @@ from circuitkit.circuit.spec import (
 WorkedT = TypeVar("WorkedT", Quantity, Amount)
 # Far beyond any use, and far from Python's limit of recursion.
 _LONGEST_CHAIN = 50
+_MOST_COMPARED = 20_000  # errors times names: with more, to look for what was meant each time takes seconds
 _MEMBER = re.compile(r"(?P<population>.*)\[(?P<member>\d+)\]")
 NODE_SECTIONS = {"input": "inputs", "neuron": "neurons", "population": "populations", "output": "outputs"}
 
@@ -256,11 +257,19 @@ class Scope:
 
     def _suggestion(self, name: str, names: Sequence[str]) -> str:
         """Find what was probably meant; of a member of a population, too."""
+        if not self._may_suggest(names):
+            return ""
         whole, bracket, member = name.partition("[")
         if not bracket:
             return suggest(name, names)
+        if not member.removesuffix("]").isdecimal() and whole in self.names("population"):
+            return f"a member is called by its number, such as {whole}[0]"
         members = [f"{population}[{member}" for population in self.names("population")]
         return suggest(f"{whole}[{member}", members)
+
+    def _may_suggest(self, names: Sequence[str]) -> bool:
+        """Whether there is time to look for what was meant, by so many names."""
+        return len(self.errors) * len(names) <= _MOST_COMPARED
 
     def address(self, item: Item[SpecT], inner: Place) -> str:
         """Find how a value is called from outside, such as `lateral.q1.slope`."""
@@ -412,7 +421,7 @@ class Scope:
                 return self.instances[first].look_up(rest)
             if self.is_lost(name):
                 raise LostNameError
-            raise unknown_parameter(name, self.parameter_names)
+            raise unknown_parameter(name, self.parameter_names, hint=self._may_suggest(self.parameter_names))
         self.used_parameters.add(name)
         quantity = self.parameter(name)
         if quantity is None:

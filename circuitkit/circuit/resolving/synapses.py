@@ -27,6 +27,7 @@ from circuitkit.circuit.resolving.signals import Signals, Term
 from circuitkit.circuit.spec import SynapseSpec
 
 _SECOND, _MILLISECOND = parse_unit("s"), parse_unit("ms")
+_LONGEST_DELAY_S = 3600.0
 _FAR_FROM_WHOLE = 0.01  # part of a delay that rounding may change without a warning
 _SOURCES, _TARGETS = ("input", "neuron", "member"), ("neuron", "member")
 _SIDES = {"pre": "source", "post": "target"}
@@ -203,6 +204,9 @@ def delay_s(scope: Scope, item: Item[Any]) -> float:
         return 0.0
     if delay.value_si < 0:
         scope.errors.append(item.problem(("delay",), f"found {delay}; allowed: 0 s or more"))
+    if delay.value_si > _LONGEST_DELAY_S:
+        scope.errors.append(item.problem(("delay",), f"found {delay}; allowed: up to 1 h"))
+        return 0.0
     return delay.value_si
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import circuitkit
 from circuitkit.base.errors import CircuitkitError, InputError, listing, suggest
 from circuitkit.base.files import OutputError, reason, write_text
+from circuitkit.base.reading import read_text
 from circuitkit.base.source import dump_yaml, find_data_file
 from circuitkit.base.source.commented import Collection, Entry, Scalar, read_commented
 from circuitkit.base.source.rewriting import write_commented
@@ -78,7 +79,7 @@ def write_result(tuning: Tuning, values: Mapping[str, str], comment: Sequence[st
     if target == "circuit":
         text = _circuit_text(tuning, values, comment, path)
     else:
-        base = find_data_file(tuning.base, folder_of(tuning)).read_text(encoding="utf-8")
+        base = read_text(find_data_file(tuning.base, folder_of(tuning)), "a YAML file")
         text = changed_file(base, {tuning.spec.kind: tuning.spec.result, **values}, comment)
     write_text(path, text)
     return path
@@ -115,7 +116,7 @@ def _circuit_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[s
     folders = (base.parent, path.parent)
     ways: Sequence[Callable[[], str]] = (
         lambda: _including(files, base, named, values, comment, path.parent),
-        lambda: changed_circuit(base.read_text(encoding="utf-8"), {**named, **values}, comment, folders),
+        lambda: changed_circuit(read_text(base, "a YAML file"), {**named, **values}, comment, folders),
         lambda: "\n".join([*commented(comment), dump_yaml({**flat_document(graph), **named})]),
     )
     for text in ways:

@@ -286,7 +286,7 @@ def _columns(case: Case) -> tuple[str, ...]:
 
 def _placed(tuning: Tuning, condition: Condition, problem: Problem) -> Problem:
     """A problem with a place in the file of the tuning, if it has none of its own."""
-    if problem.file:
+    if problem.is_placed:
         return problem
     fallback: Place = ("tune", tuning.spec.target)
     place = next((at for path, at in condition.places.items() if problem.where.startswith(path)), fallback)

@@ -83,12 +83,14 @@ class TuneSpec(FileModel):
         default=(), description="Fields whose values in training must not occur in the test, beside seeds."
     )
     sampler: Literal["cmaes", "tpe"] = Field(default="cmaes", description="Of Optuna.")
-    trials: int = Field(default=200, ge=1, description="How many candidates are tried.")
-    generation: int | None = Field(default=None, ge=2, description="How many candidates are run together.")
+    trials: int = Field(default=200, ge=1, le=1_000_000, description="How many candidates are tried.")
+    generation: int | None = Field(
+        default=None, ge=2, le=100_000, description="How many candidates are run together."
+    )
     spread: Ratio = Field(
         default=1 / 6, gt=0, le=1, description="cmaes: how widely it searches first, in parts of the ranges."
     )
-    seed: int = Field(default=0, ge=0, description="Of the sampler.")
+    seed: int = Field(default=0, ge=0, lt=2**32, description="Of the sampler.")
     result: PlainName = Field(description="Name of what comes out.")
 
     @model_validator(mode="after")
