@@ -1,4 +1,4 @@
-"""Faults of the world around circuitkit: kills, full disks, clocks; `make torture` runs them, others skip them."""
+"""Faults of the world around us: kills, full disks, clocks. `make torture` runs them, others skip them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _HERE = Path(__file__).parent
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--torture", action="store_true", help="kill, fill disks, turn clocks back: make torture")
+    parser.addoption("--torture", action="store_true", help="kill, fill disks, turn back clocks: make torture")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
