@@ -59,13 +59,13 @@ $(PEERS)/.ready: requirements-peers.lock pyproject.toml
 	@touch $@
 
 fuzz: $(READY)  ## spoilt files of every kind, for ten minutes or SECONDS=N; what is found in out/fuzz/report.json
-	$(BIN)/python tests/fuzz --seconds $(or $(SECONDS),600)
+	PYTHONPATH=tests $(BIN)/python -m fuzz --seconds $(or $(SECONDS),600)
 
 torture: $(READY)  ## kills at every write, full disks, closed pipes, clocks, planted files, dead workers
 	$(BIN)/python -m pytest tests/torture --torture
 
 mutate: $(READY)  ## changes the code itself, here and there, and counts which changes no test notices
-	$(BIN)/python tests/mutate
+	PYTHONPATH=tests $(BIN)/python -m mutate
 
 bench: $(READY)  ## the benchmarks, as ratios in one run
 	$(BIN)/circuitkit bench

@@ -10,7 +10,7 @@ _HERE = Path(__file__).parent
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--torture", action="store_true", help="kill, fill disks, turn back clocks: make torture")
+    parser.addoption("--torture", action="store_true", help="kill, fill disks, stop clocks: make torture")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
