@@ -44,7 +44,7 @@ def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
     with _said_by_mujoco(path):
         what = f"MuJoCo {mujoco.__version__} cannot read it"
         spec = _or_complain(path, what, lambda: mujoco.MjSpec.from_file(str(path)))
-    name_parts(spec)
+    _or_complain(path, "found a name that is not text in UTF-8", lambda: name_parts(spec))
     return spec
 
 

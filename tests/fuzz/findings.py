@@ -99,10 +99,10 @@ def judged(trial: Trial, folder: Path) -> Finding | None:
         )
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-    without = [each for each in problems if not each.file or each.line < 1 or each.column < 1]
-    if without:
-        key = f"no place: {_plain(without[0].where)}: {_plain(without[0].message)}"
-        return Finding(key, str(without[0]))
+    for problem in problems:
+        has_line = problem.file and problem.line >= 1 and problem.column >= 1
+        if not has_line and not (target.entry == "." and str(folder) in problem.message):
+            return Finding(f"no place: {_plain(problem.message)}", str(problem))
     return None
 
 

@@ -112,11 +112,11 @@ TARGETS: Mapping[str, Target] = {
     "results": Target("results", lambda path: read_results(path) and None, ".", share=1.0),
     "mjcf": Target("mjcf", lambda path: build_model(load_robot(path)) and None, "robot.yaml", share=0.5),
     "robot_built": Target("robot", lambda path: build_model(load_robot(path)) and None, share=0.2),
-    "circuit_written": Target("circuit", _author, share=0.3, may_fail=True),
-    "circuit_run": Target("circuit", _run, share=0.3, may_fail=True),
-    "study_first_case": Target("study", _study, share=0.05),
-    "scenario_planned": Target("scenario", _plan, share=0.02),
-    "scenario_simulated": Target("scenario", _simulate, share=0.02, may_fail=True),
+    "circuit_written": Target("circuit", _author, share=0.5, may_fail=True),
+    "circuit_run": Target("circuit", _run, share=0.5, may_fail=True),
+    "study_first_case": Target("study", _study, share=0.2),
+    "scenario_planned": Target("scenario", _plan, share=0.05),
+    "scenario_simulated": Target("scenario", _simulate, share=0.04, may_fail=True),
 }
 
 
