@@ -59,7 +59,7 @@ $(PEERS)/.ready: requirements-peers.lock pyproject.toml
 	@touch $@
 
 fuzz: $(READY)  ## spoilt files of every kind, for ten minutes or SECONDS=N; what is found in out/fuzz/report.json
-	PYTHONPATH=tests $(BIN)/python -m fuzz --seconds $(or $(SECONDS),600)
+	PYTHONPATH=tests $(BIN)/python -m $(if $(GUIDED),fuzz.guided $(GUIDED),fuzz --seconds) $(or $(SECONDS),600)
 
 torture: $(READY)  ## kills at every write, full disks, closed pipes, clocks, planted files, dead workers
 	$(BIN)/python -m pytest tests/torture --torture

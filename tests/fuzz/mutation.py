@@ -87,15 +87,10 @@ class Mutator:
         words: set[bytes] = set()
         for seed in seeds:
             raw = seed.files[seed.spoilt]
+            if (tree := _tree_of(seed)) is not None:
+                self.trees[raw] = tree
             if seed.spoilt.endswith((".yaml", ".csv", ".xml", ".json")):
                 words.update(found for found in _WORD.findall(raw) if len(found) > 1)
-            if seed.is_yaml:
-                try:
-                    tree = yaml.load(raw, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-                except yaml.YAMLError:  # some files that failed once are no YAML
-                    continue
-                if isinstance(tree, dict):
-                    self.trees[raw] = tree
         self.words = sorted(words)
         self.donors = [part for tree in self.trees.values() for _, _, part in _parts(tree)]
         self.keys = sorted({str(key) for tree in self.trees.values() for _, key, _ in _parts(tree)})
@@ -106,11 +101,11 @@ class Mutator:
         ways: list[Callable[[bytes, Random], bytes]] = [self._words, self._lines, _bytes]
         if not seed.spoilt.endswith((".yaml", ".csv", ".xml", ".json")):
             ways = [_bytes]
-        elif raw in self.trees:
+        elif raw in self.trees or _tree_of(seed) is not None:
             ways += [self._tree, self._tree, self._tree, self._words]
         way = random.choice(ways)
         if way == self._tree:
-            return self._tree(raw, random)
+            return self._tree(self.trees.get(raw) or _tree_of(seed), random)
         for _ in range(random.choice((1, 1, 1, 2, 3, 6))):
             raw = way(raw, random)
         return raw
@@ -147,9 +142,9 @@ class Mutator:
             lines[at:at] = random.choice(list(self.trees)).splitlines(keepends=True)[:1]
         return b"".join(lines)
 
-    def _tree(self, raw: bytes, random: Random) -> bytes:
-        """Parts of the tree changed; as JSON, which is YAML, so that quotes are right."""
-        tree = json.loads(json.dumps(self.trees[raw], default=str))
+    def _tree(self, whole: Any, random: Random) -> bytes:
+        """Parts of a tree changed; as JSON, which is YAML, so that quotes are right."""
+        tree = json.loads(json.dumps(whole, default=str))
         for _ in range(random.choice((1, 1, 1, 2, 3))):
             parts = _parts(tree)
             if not parts:
@@ -195,6 +190,17 @@ class Mutator:
             )
         else:
             holder[key] = text(random)
+
+
+def _tree_of(seed: Seed) -> Any:
+    """The mapping that a seed's file is; None if it is none."""
+    if not seed.is_yaml:
+        return None
+    try:
+        tree = yaml.load(seed.files[seed.spoilt], getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, ValueError, UnicodeError):  # some files that failed once are no YAML
+        return None
+    return tree if isinstance(tree, dict) else None
 
 
 def _parts(tree: Any) -> list[tuple[Any, Any, Any]]:
