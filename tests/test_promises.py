@@ -13,13 +13,13 @@ PROMISES = re.findall(r"^- (.*?)(?=^- |^#|\Z)", PAGE.read_text(encoding="utf-8")
 NAMED = [
     (name, promise.split("`")[0])
     for promise in PROMISES
-    for name in re.findall(r"`([\w/]+\.py(?:::\w+)?)`", promise)
+    for name in re.findall(r"`([\w/]+\.py::\w+)`", promise)
 ]
 
 
 def test_every_promise_has_a_test():
     assert len(PROMISES) >= 30
-    without = [each for each in PROMISES if not re.search(r"`[\w/]+\.py(?:::\w+)?`", each)]
+    without = [each for each in PROMISES if not re.search(r"`[\w/]+\.py::\w+`", each)]
     assert without == []
 
 

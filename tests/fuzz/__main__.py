@@ -27,7 +27,7 @@ from fuzz.targets import TARGETS
 
 _FILES_A_PROCESS = 20_000
 _TOLD_EVERY_S = 30.0
-_STUCK_S = 2.5 * LONGEST_S
+_STUCK_S = 5 * LONGEST_S
 
 
 class Maker:

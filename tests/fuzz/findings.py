@@ -20,9 +20,9 @@ from fuzz.targets import TARGETS, tried
 
 from circuitkit.base.errors import CircuitkitError
 
-LONGEST_S = 5.0
+LONGEST_S = 5.0  # of the processor, for others work on it as well
 MOST_BYTES = 1 << 30
-_STUCK_S = 2 * LONGEST_S  # an extension module does not listen to alarms
+_STUCK_S = 4 * LONGEST_S  # of the clock: an extension module does not listen to signals
 _PACKAGE = "circuitkit"
 
 
@@ -84,12 +84,12 @@ def judged(trial: Trial, folder: Path) -> Finding | None:
     """Try files in this process; None if they were answered as they should be."""
     path = trial.write(folder)
     target = TARGETS[trial.target]
-    signal.signal(signal.SIGALRM, _ring)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+    signal.signal(signal.SIGPROF, _ring)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
     try:
         problems = tried(target, path)
     except (Exception, OverTimeError) as error:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
         has_place = target.may_fail or str(folder) in str(error)
         if isinstance(error, CircuitkitError) and has_place:
             return None
@@ -98,7 +98,7 @@ def judged(trial: Trial, folder: Path) -> Finding | None:
             f"{what}{_NAMES.get(type(error), type(error).__name__)} at {_place(error)}", repr(error)
         )
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
     for problem in problems:
         has_line = problem.file and problem.line >= 1 and problem.column >= 1
         if not has_line and not (target.entry == "." and str(folder) in problem.message):

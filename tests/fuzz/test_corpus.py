@@ -25,7 +25,7 @@ def trial_of(item: Path) -> Trial:
     files = {
         path.relative_to(item).as_posix(): path.read_bytes() for path in item.rglob("*") if path.is_file()
     }
-    spoilt = next((name for name in files if name.startswith("spoilt.")), next(iter(files)))
+    spoilt = min(files, key=lambda name: not name.startswith(("spoilt.", "m.", "part.")))
     return Trial(item.parent.name, files, spoilt)
 
 
