@@ -87,14 +87,11 @@ class Unit:
         return numerator * self.factor.numerator / (denominator * self.factor.denominator)
 
     def from_si(self, value_si: float) -> float:
-        """Value in this unit of an SI value; infinite if it is, or is beyond what a float can hold."""
+        """Value in this unit of an SI value; infinities stay what they are."""
         if not math.isfinite(value_si):
             return value_si
         numerator, denominator = value_si.as_integer_ratio()
-        try:
-            return numerator * self.factor.denominator / (denominator * self.factor.numerator)
-        except OverflowError:
-            return math.copysign(math.inf, value_si)
+        return numerator * self.factor.denominator / (denominator * self.factor.numerator)
 
     def over(self, other: Unit) -> Unit:
         """This unit divided by another one, written so that it can be read: `s` over `rad` is `s/rad`.
