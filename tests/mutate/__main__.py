@@ -18,7 +18,7 @@ TOP = Path(__file__).parents[2]
 AREAS = {
     "checker": (
         ["circuitkit/circuit/resolving/*.py", "circuitkit/base/source/validation.py"],
-        ["tests/circuit", "tests/mistakes"],
+        ["tests/circuit", "tests/mistakes", "tests/test_source.py"],
     ),
     "store": (["circuitkit/study/store.py"], ["tests/study/test_sweep.py"]),
 }
