@@ -405,6 +405,6 @@ def test_a_projection_of_weights_of_0_is_doubted(tmp_path, weight):
     path.write_text(BASE.replace(TO_OFF, TO_OFF.replace("weight: 1", f"weight: {weight}")), encoding="utf-8")
     errors_found, warnings = check(path)
     assert errors_found == ()
-    assert ["found a weight of 0; the projection has no effect"] == [
-        each.message for each in warnings if each.where == "projections[1].weight"
+    assert [each.message for each in warnings if each.where == "projections[1].weight"] == [
+        "found a weight of 0; the projection has no effect"
     ]

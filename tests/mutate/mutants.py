@@ -32,6 +32,8 @@ _OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
     ast.BitAnd: ast.BitOr,
 }
 
+_FALSE = ("None", "False", "''", "()")  # None in their place is the same to most callers
+
 
 @dataclass(frozen=True)
 class Mutant:
@@ -114,7 +116,7 @@ def _of_node(node: ast.AST) -> Iterator[tuple[str, Callable[[], None]]]:  # noqa
         yield f"{shown}: {other_operator.__name__}", _setter(node, "op", other_operator())
     elif isinstance(node, ast.Constant):
         yield from _of_constant(node, shown)
-    elif isinstance(node, ast.Return) and node.value is not None:
+    elif isinstance(node, ast.Return) and node.value is not None and ast.unparse(node.value) not in _FALSE:
         yield f"{shown}: None", _setter(node, "value", ast.Constant(None))
     elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
         yield f"{shown}: left out", _setter(node, "value", ast.Constant(None))
