@@ -20,6 +20,10 @@ AREAS = {
         ["circuitkit/circuit/resolving/*.py", "circuitkit/base/source/validation.py"],
         ["tests/circuit", "tests/mistakes", "tests/test_source.py"],
     ),
+    "identity": (
+        ["circuitkit/study/identity.py", "circuitkit/study/plain.py", "circuitkit/study/cases.py"],
+        ["tests/study/test_spec.py", "tests/study/test_sweep.py", "tests/study/test_common_starts.py"],
+    ),
     "store": (["circuitkit/study/store.py"], ["tests/study/test_sweep.py"]),
 }
 
