@@ -408,3 +408,9 @@ def test_a_projection_of_weights_of_0_is_doubted(tmp_path, weight):
     assert [each.message for each in warnings if each.where == "projections[1].weight"] == [
         "found a weight of 0; the projection has no effect"
     ]
+
+
+@pytest.mark.parametrize(("probability", "synapses"), [("0", 0), ("1", 64 * 8), ("100 %", 64 * 8)])
+def test_probabilities_may_be_0_and_1(probability, synapses):
+    text = BASE.replace(TO_OFF, TO_OFF.replace("all_to_all", f"{{probability: {probability}}}"))
+    assert len(parse_circuit(text).projections[1].sources) == synapses
