@@ -11,7 +11,7 @@ COMPILE := out/lock/bin/uv pip compile --quiet --universal --generate-hashes --p
 	--upgrade --no-annotate --custom-compile-command "make lock" --no-emit-index-url --no-emit-find-links
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo check test test-peers bench docs lock clean
+.PHONY: help setup demo check test test-peers fuzz torture mutate bench docs lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -57,6 +57,15 @@ $(PEERS)/.ready: requirements-peers.lock pyproject.toml
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-peers.lock
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
+
+fuzz: $(READY)  ## spoilt files of every kind, for ten minutes or SECONDS=N; what is found in out/fuzz/report.json
+	PYTHONPATH=tests $(BIN)/python -m $(if $(GUIDED),fuzz.guided $(GUIDED),fuzz --seconds) $(or $(SECONDS),600)
+
+torture: $(READY)  ## kills at every write, full disks, closed pipes, clocks, planted files, dead workers
+	$(BIN)/python -m pytest tests/torture --torture
+
+mutate: $(READY)  ## changes the code itself, here and there, and counts which changes no test notices
+	PYTHONPATH=tests $(BIN)/python -m mutate
 
 bench: $(READY)  ## the benchmarks, as ratios in one run
 	$(BIN)/circuitkit bench

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -33,6 +34,7 @@ class Precision(Enum):
 
 
 PLACE = 25
+_MAX_MISSED = "1%"
 
 
 def register(app: typer.Typer) -> None:
@@ -43,7 +45,7 @@ def register(app: typer.Typer) -> None:
             'circuitkit run binn_lateral --input "zmp_y=-90 mm" --input force_difference=0.4 --steps 20',
             "circuitkit run binn_lateral --inputs table.csv -o out.nc",
             "circuitkit run binn_lateral --set w=2deg --set q1.slope=50/m --steps 20 --backend numpy",
-            "circuitkit run binn_lateral --input zmp_y=70mm --realtime 1 --rate 1000 --verbose",
+            "circuitkit run binn_lateral --input zmp_y=70mm --realtime 1 --rate 1000 --max-missed 50%",
             "circuitkit run matsuoka_half_centre --steps 300 --record flexor.v --record joint_angle",
         )
     )(run)
@@ -106,6 +108,24 @@ def run(
         float | None,
         typer.Option("--rate", metavar="HZ", help="Of --realtime; by default that of the control step."),
     ] = None,
+    max_missed: Annotated[
+        str | None,
+        typer.Option(
+            "--max-missed",
+            metavar="N|P%",
+            help="Of --realtime: how many deadlines may be missed; exit code 3 if more are. By default 1%.",
+        ),
+    ] = None,
+    priority: Annotated[
+        int | None,
+        typer.Option(
+            "--priority",
+            metavar="N",
+            min=1,
+            max=99,
+            help="Of --realtime: ask for SCHED_FIFO with this priority and for locked memory.",
+        ),
+    ] = None,
     verbose: Verbose = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print a summary with the last row as JSON.")
@@ -119,7 +139,7 @@ def run(
     constants = named_values(values, "--input", "zmp_y=70mm")
     if realtime is not None:
         _require_nothing_else(steps=steps, record=record, output=output)
-        from circuitkit.cli._realtime import run_realtime  # late: see cli/__init__.py
+        from circuitkit.cli._realtime import Limit, run_realtime  # late: see cli/__init__.py
 
         run_realtime(
             read_graph(file, settings),
@@ -127,15 +147,15 @@ def run(
             rate,
             constants,
             table,
+            limit=Limit.read(_MAX_MISSED if max_missed is None else max_missed),
+            priority=priority,
             backend=backend,
             precision=precision.value,
             verbose=verbose,
             as_json=as_json,
         )
         return
-    if rate is not None:
-        message = "--rate goes with --realtime SECONDS"
-        raise typer.BadParameter(message)
+    _require_realtime({"--rate": rate, "--max-missed": max_missed, "--priority": priority})
     if steps is None and table is None:
         message = "give --steps N, or --inputs TABLE.csv with one row a step"
         raise typer.BadParameter(message)
@@ -180,6 +200,14 @@ def _require_nothing_else(**options: object) -> None:
     if any(options.values()):
         message = "--realtime measures and records nothing; leave out --steps, --record and -o"
         raise typer.BadParameter(message)
+
+
+def _require_realtime(options: Mapping[str, object]) -> None:
+    """Refuse options of --realtime without it."""
+    for option, value in options.items():
+        if value is not None:
+            message = f"{option} goes with --realtime SECONDS"
+            raise typer.BadParameter(message)
 
 
 def _summary(result: RunTable, output: Path | None) -> dict[str, object]:

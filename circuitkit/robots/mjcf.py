@@ -47,6 +47,7 @@ def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
     with _said_by_mujoco(path):
         what = f"MuJoCo {mujoco.__version__} cannot read it"
         spec = _or_complain(path, what, lambda: mujoco.MjSpec.from_file(str(path)))
+    _or_complain(path, "found a name that is not text in UTF-8", lambda: _read_names(spec))
     name_parts(spec)
     for plural in _NAMED:
         for part in getattr(spec, plural):
@@ -63,6 +64,11 @@ def compile_mjcf(spec: Any, path: Path) -> mujoco.MjModel:  # noqa: ANN401 - as 
     """
     with _said_by_mujoco(path):
         return _or_complain(path, "MuJoCo refuses the model", spec.compile)
+
+
+def _read_names(spec: Any) -> list[str]:  # noqa: ANN401 - as above
+    """The names of all parts, which MuJoCo takes as bytes of any kind and decodes when they are asked for."""
+    return [part.name for plural in (*_NAMED, "geoms", "cameras") for part in getattr(spec, plural)]
 
 
 def name_parts(spec: Any) -> None:  # noqa: ANN401 - as above

@@ -135,7 +135,9 @@ class Sensors:
             return dict.fromkeys(
                 self.own, 1
             )  # what is wrong with the model is said when it is compiled itself
-        return {name: int(model.sensor(name).dim[0]) for name in self.own}
+        # A sensor whose part is gone is not copied; this is said as well when the model itself is compiled.
+        sensors = (model.sensor(number) for number in range(model.nsensor))
+        return dict.fromkeys(self.own, 1) | {sensor.name: int(sensor.dim[0]) for sensor in sensors}
 
     def named(self, kind: str) -> dict[str, Any]:
         """The parts of a kind by name, such as bodies; without those that have no name."""

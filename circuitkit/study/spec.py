@@ -326,7 +326,7 @@ def make_study(data: Mapping[str, Any]) -> Study:
     Raises:
         InputError: The data is no study.
     """
-    return _study(Document("", deepcopy(dict(data)), {}))
+    return _study(Document("", deepcopy(dict(data) if isinstance(data, Mapping) else data), {}))
 
 
 def _study(document: Document) -> Study:

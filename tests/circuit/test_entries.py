@@ -113,7 +113,10 @@ def test_two_synapses_of_different_models_may_connect_the_same_neurons():
 )  # fmt: skip
 def test_what_is_wrong_is_named_with_its_place(old, new, message):
     errors, _ = findings(old, new)
-    assert any(error.startswith(message) for error in errors), errors
+    if message.endswith((": ", ", ")):  # a long list follows
+        assert any(error.startswith(message) for error in errors), errors
+    else:
+        assert message in errors
 
 
 @pytest.mark.parametrize(

@@ -310,8 +310,10 @@ def test_a_model_with_states_needs_one_source():
     )
     assert weights(graph_of(with_entry("as: a, inputs: {load: p}")))["p", "a.lf"] == 1
     (error,) = errors(with_entry("as: a, inputs: {load: {p: 2}}"))
-    assert error.startswith(
+    assert error == (
         "inner.yaml:11:12: synapses[0].from: found 'a.load', which is fed by a weighted sum; "
+        "the model first_order needs one source; allowed: an input that is fed by one node, without a factor; "
+        "or a static synapse to a neuron between (in the instance 'a' of outer.yaml:5:5)"
     )
 
 

@@ -361,3 +361,13 @@ def test_parameters_can_be_given_another_value():
         "<text>:5:9: parameters.edge: found 70 (dimensionless); allowed: length, such as '1 mm', "
         "since the file has 80 mm; did you mean '70 mm'?"
     )
+
+
+@pytest.mark.parametrize(("length", "is_allowed"), [(50, True), (51, False)])
+def test_a_chain_of_parameters_has_a_length(length, is_allowed, tmp_path, monkeypatch):
+    """Each one is the value of the one before it; the last one has a value of its own."""
+    chain = "".join(f"  p{n}: p{n + 1}\n" for n in range(1, length)) + f"  p{length}: 1 mm\n"
+    errors, _ = findings(BASE.replace("  edge: 80 mm\n", f"  edge: 80 mm\n{chain}"), tmp_path, monkeypatch)
+    message = "found more than 50 parameters in a chain; allowed: fewer"
+    assert [each for each in errors if each.endswith(message)] == ([] if is_allowed else errors)
+    assert bool(errors) != is_allowed

@@ -7,6 +7,7 @@ import pytest
 from circuitkit.base.errors import InputError
 from circuitkit.base.source import Document, parse_yaml
 from circuitkit.base.units import Dimension, parse_unit
+from circuitkit.circuit import parse_circuit
 from circuitkit.circuit.models import read_neuron_model, read_synapse_model, synapse_model
 from circuitkit.circuit.models.model import UnitRule
 from circuitkit.circuit.models.writing import model_data
@@ -251,3 +252,29 @@ def test_a_model_is_for_plain_sources_if_it_fits_no_others(current, plain):
 @pytest.mark.parametrize("name", ["depressing_facilitating", "hebbian", "exponential"])
 def test_shipped_synapses_take_sources_of_any_unit(name):
     assert not synapse_model(name).plain_source
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "output", "shown"),
+    [
+        ("activation/s", "3 mm/s", "tanh(A / (pace * tau))", "m"),
+        ("s/activation", "2 s/mV", "tanh(A * pace / tau)", "V"),
+    ],
+)
+def test_a_parameter_of_several_units_implies_that_of_the_activation(unit, value, output, shown):
+    """Of mm/s, which is activation/s, the activation is a length."""
+    graph = parse_circuit(
+        f"""\
+circuit: c
+control_step: 10 ms
+timing: ordered
+neuron_models:
+  fading:
+    parameters: {{pace: {{unit: {unit}}}, tau: {{unit: s, default: 1 s}}}}
+    output: {output}
+neurons:
+  n: {{model: fading, role: excitatory, pace: {value}}}
+outputs: {{y: {{unit: "1", readout: {{n: 1}}}}}}
+"""
+    )
+    assert graph.neurons[0].activation_unit.symbol == shown

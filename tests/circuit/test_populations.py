@@ -271,6 +271,7 @@ def test_matrix_files_that_cannot_be_used(name, prepare, message):
         ("shift: 5 mm", "shift: {unifrom: [1 mm, 2 mm]}", "f.yaml:9:77: populations.ring.shift.unifrom: found 'unifrom'; allowed: one of range, uniform, normal, with a list of two values; did you mean 'uniform'?"),
         ("shift: 5 mm", "shift: {uniform: [2 mm, 1 mm]}", "f.yaml:9:86: populations.ring.shift.uniform: found 2 mm and 1 mm; allowed: the smaller value, then the larger one"),
         ("shift: 5 mm", "shift: {normal: [2 mm, 1]}", "f.yaml:9:92: populations.ring.shift.normal[1]: found 1 (dimensionless); allowed: length, such as '1 mm', since the first one is 2 mm; did you mean '1 mm'?"),
+        ("shift: 5 mm", "shift: {uniform: [2 mm]}", "f.yaml:9:86: populations.ring.shift.uniform: found a list of 1; allowed: a list of two values"),
         ("shift: 5 mm", "shift: {uniform: 2 mm}", "f.yaml:9:86: populations.ring.shift.uniform: found '2 mm'; allowed: a list of two values"),
         ("shift: 5 mm", "shift: i", "f.yaml:9:61: populations.ring.slope: found 100 /m (1/length); allowed: a number without unit, since the activation is dimensionless"),
         ("shift: 5 mm", "shift: 1 mm / i", "f.yaml:9:76: populations.ring.shift: found '1 mm / i', which is too large or no number; allowed: a finite number"),
@@ -396,3 +397,20 @@ def test_loading_from_a_file_finds_the_matrix_beside_it():
     np.savez("sub/w.npz", W)
     Path("sub/f.yaml").write_text(matrix_circuit("w.npz"), encoding="utf-8")
     assert len(load_circuit("sub/f.yaml").projections[2].sources) == 3
+
+
+@pytest.mark.parametrize("weight", ["0", "0 * i"])
+def test_a_projection_of_weights_of_0_is_doubted(tmp_path, weight):
+    path = tmp_path / "f.yaml"
+    path.write_text(BASE.replace(TO_OFF, TO_OFF.replace("weight: 1", f"weight: {weight}")), encoding="utf-8")
+    errors_found, warnings = check(path)
+    assert errors_found == ()
+    assert [each.message for each in warnings if each.where == "projections[1].weight"] == [
+        "found a weight of 0; the projection has no effect"
+    ]
+
+
+@pytest.mark.parametrize(("probability", "synapses"), [("0", 0), ("1", 64 * 8), ("100 %", 64 * 8)])
+def test_probabilities_may_be_0_and_1(probability, synapses):
+    text = BASE.replace(TO_OFF, TO_OFF.replace("all_to_all", f"{{probability: {probability}}}"))
+    assert len(parse_circuit(text).projections[1].sources) == synapses

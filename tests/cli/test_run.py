@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from circuitkit.cli._realtime import Limit
 from circuitkit.engine.backends import BACKEND_NAMES
 from circuitkit.engine.backends.c import build
 
@@ -222,7 +229,18 @@ def test_single_precision(circuitkit):
 
 
 def test_a_real_time_run_reports_how_late_it_was(circuitkit):
-    words = ("run", "binn_lateral", "--input", "zmp_y=70mm", "--realtime", "0.2", "--backend", "numpy")
+    words = (
+        "run",
+        "binn_lateral",
+        "--input",
+        "zmp_y=70mm",
+        "--realtime",
+        "0.2",
+        "--backend",
+        "numpy",
+        "--max-missed",
+        "100%",
+    )
     report = json.loads(circuitkit(*words, "--rate", "200", "--json").out)
     assert (report["ticks"], report["rate_hz"], report["backend"]) == (40, 200.0, "numpy")
     assert list(report["lateness_s"]) == ["50.0", "90.0", "99.0", "99.9", "99.99"]
@@ -243,12 +261,50 @@ def test_a_real_time_run_reports_how_late_it_was(circuitkit):
         (("--realtime", "1", "--steps", "3"), "--realtime measures and records nothing; leave out --steps"),
         (("--realtime", "1", "-o", "out.csv"), "--realtime measures and records nothing; leave out --steps"),
         (("--rate", "100", "--steps", "3"), "--rate goes with --realtime SECONDS"),
+        (("--max-missed", "3", "--steps", "3"), "--max-missed goes with --realtime SECONDS"),
+        (("--priority", "3", "--steps", "3"), "--priority goes with --realtime SECONDS"),
+        (("--realtime", "1", "--max-missed", "some"), "found 'some'; allowed: a number of ticks such as 3"),
+        (("--realtime", "1", "--max-missed", "-1"), "found '-1'; allowed: a number of ticks such as 3"),
     ],
 )
 def test_what_a_real_time_run_cannot_do(circuitkit, more, message):
     outcome = circuitkit("run", "binn_lateral", *more)
     assert outcome.code == 2
     assert message in outcome.err
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system stops no process")
+def test_a_process_that_was_stopped_for_a_second_says_so(tmp_path):
+    """The promise was broken: the exit code says so, and no burst of ticks made up for it."""
+    words = ["run", "binn_lateral", "--backend", "numpy", "--json", "--realtime", "3", "--rate", "100"]
+    program = (
+        "import sys; from circuitkit.cli import _realtime; from circuitkit.cli.main import main; "
+        f"print('ready', flush=True); sys.exit(main({[*words, '--max-missed', '90']}))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}, cwd=tmp_path,
+    ) as process:  # fmt: skip
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(1.5)  # it reads the circuit, and is somewhere in its three seconds
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(1.2)
+        process.send_signal(signal.SIGCONT)
+        out, err = process.communicate(timeout=60)
+    report = json.loads(out)
+    assert process.returncode == 3
+    assert 100 <= report["missed"] <= report["skipped"] + 100
+    assert report["skipped"] >= 100
+    assert err.startswith(f"missed {report['missed']} of 300 deadlines; allowed: 90 (--max-missed); ")
+
+
+@pytest.mark.parametrize(
+    ("limit", "missed", "kept"),
+    [("0", 0, True), ("0", 1, False), ("3", 3, True), ("3", 4, False), ("1%", 10, True), ("1%", 11, False),
+     ("0.5 %", 5, True), ("0%", 1, False), ("100%", 1000, True)],
+)  # fmt: skip
+def test_how_many_deadlines_may_be_missed(limit, missed, kept):
+    assert Limit.read(limit).is_kept(SimpleNamespace(missed=missed, ticks=1000)) is kept
 
 
 def test_a_rate_of_nothing(circuitkit):

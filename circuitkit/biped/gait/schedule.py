@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from circuitkit.base.source import FileModel, find_data_file, read_yaml, validate_model
 from circuitkit.base.source.fields import Metres, Radians, Ratio, Seconds
+from circuitkit.simulation.scenario import LONGEST_S
 
 Array = NDArray[np.float64]
 
@@ -70,13 +71,15 @@ class GaitSpec(FileModel):
         description="How the joints are found: eqs. 3-10 of the paper."
     )
     description: str = ""
-    control_step: Seconds = Field(gt=0, description="Time between two sets of joint angles.")
-    double_support: Seconds = Field(gt=0, description="Duration of `transfer`.")
-    single_support: Seconds = Field(gt=0, description="Duration of `lift` and `extend` together.")
+    control_step: Seconds = Field(ge=1e-6, description="Time between two sets of joint angles.")
+    double_support: Seconds = Field(gt=0, le=LONGEST_S, description="Duration of `transfer`.")
+    single_support: Seconds = Field(
+        gt=0, le=LONGEST_S, description="Duration of `lift` and `extend` together."
+    )
     step_length: Metres = Field(
         ge=0, le=0.08, description="From the footprint to the next one; 0 marches on the spot."
     )
-    stand: Seconds = Field(gt=0, description="Time to stand before the first step.")
+    stand: Seconds = Field(gt=0, le=LONGEST_S, description="Time to stand before the first step.")
     knee: Radians = Field(gt=0, lt=2, description="Knee pitch of the standing leg.")
     zmp: ZmpReference
     lift: Lift

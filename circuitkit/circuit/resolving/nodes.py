@@ -277,11 +277,11 @@ def _size(scope: Scope, item: Item[PopulationSpec], model: NeuronModel | None, b
         bounds = f"from 1 to {_LARGEST}" if size.value_si > _LARGEST else "from 1 on"
         scope.errors.append(item.problem(("size",), f"found {size}; allowed: a whole number {bounds}"))
         return None
-    complaint = budget.neurons(
-        count, len(model.parameters) if model else 0, len(model.states) if model else 0
-    )
-    if not complaint and count > _LARGEST:
-        complaint = f"found {count}; allowed: up to {_LARGEST}"
+    if count > _LARGEST:
+        complaint = f"found {size}; allowed: up to {_LARGEST}"
+    else:
+        parameters, states = (len(model.parameters), len(model.states)) if model else (0, 0)
+        complaint = budget.neurons(count, parameters, states)
     if complaint:
         scope.errors.append(item.problem(("size",), complaint))
         return None

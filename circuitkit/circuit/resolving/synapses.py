@@ -48,8 +48,7 @@ class Synapses:
         for item in scope.synapses():
             model = models.synapse(item)
             source = source_end(scope, item, self.nodes, self.signals, _SOURCES, "an input or a neuron")
-            has_gate = model is not None and (model.gated or item.spec.gate is not None)
-            gate = gate_name(scope, item, model, self.nodes) if model and has_gate else ""
+            gate = "" if model is None else gate_name(scope, item, model, self.nodes)
             targets = list(self._targets(scope, item, gate))
             if model is not None:
                 wiring = _Wiring(scope, item, model, gate, self.header)

@@ -1,0 +1,113 @@
+"""A run of pytest that learns which tests call which functions, and then tries mutants in processes."""
+
+from __future__ import annotations
+
+import functools
+import gc
+import os
+import select
+import signal
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType, FunctionType
+
+import pytest
+from _pytest.runner import runtestprotocol
+from mutate.mutants import Mutant
+
+_TESTS_S = 20.0  # for the tests of one mutant
+_STUCK_S = 60.0
+_KILLED, _SURVIVED = b"k", b"s"
+
+
+class Session:
+    """A plugin: takes the place of the loop over tests.
+
+    Attributes:
+        outcomes: For each mutant "killed", "survived" or "not called".
+    """
+
+    def __init__(self, mutants: Sequence[Mutant]) -> None:
+        self.mutants = mutants
+        self.files = {str(each.path) for each in mutants}
+        self.outcomes: dict[Mutant, str] = {}
+        self._calls: dict[tuple[str, str], list[tuple[float, pytest.Item]]] = defaultdict(list)
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Run the tests once, then some of them for every mutant."""
+        for item in session.items:
+            self._learn(item)
+        for number, mutant in enumerate(self.mutants):
+            tests = sorted(self._calls.get((str(mutant.path), mutant.function), ()), key=lambda each: each[0])
+            outcome = _tried(mutant, [item for _, item in tests]) if tests else "not called"
+            self.outcomes[mutant] = outcome
+            if outcome != "killed":
+                sys.__stdout__.write(f"{number}: {outcome}: {describe(mutant)}\n")
+                sys.__stdout__.flush()
+        return True
+
+    def _learn(self, item: pytest.Item) -> None:
+        called: set[tuple[str, str]] = set()
+
+        def note(frame: FrameType, event: str, _argument: object) -> None:
+            if event == "call" and frame.f_code.co_filename in self.files:
+                called.add((frame.f_code.co_filename, frame.f_code.co_qualname.partition(".<locals>")[0]))
+
+        begun = time.perf_counter()
+        sys.setprofile(note)
+        try:
+            reports = runtestprotocol(item, log=False, nextitem=None)
+        finally:
+            sys.setprofile(None)
+        if all(report.passed for report in reports):
+            for function in called:
+                self._calls[function].append((time.perf_counter() - begun, item))
+
+
+def describe(mutant: Mutant) -> str:
+    """Where and what a mutant is."""
+    return f"{Path(os.path.relpath(mutant.path)).as_posix()}:{mutant.line}: {mutant.function}: {mutant.what}"
+
+
+def _tried(mutant: Mutant, items: Sequence[pytest.Item]) -> str:
+    """Whether a test fails with a mutant; a process that crashes or does not end has noticed it, too."""
+    read, write = os.pipe()
+    child = os.fork()
+    if not child:
+        try:
+            os.close(read)
+            null = os.open(os.devnull, os.O_RDWR)
+            for number in (0, 1, 2):
+                os.dup2(null, number)
+            os.write(write, _KILLED if _is_noticed(mutant, items) else _SURVIVED)
+        finally:
+            os._exit(0)
+    os.close(write)
+    ready, _, _ = select.select([read], [], [], _STUCK_S)
+    if not ready:
+        os.kill(child, signal.SIGKILL)
+    answer = os.read(read, 1) if ready else b""
+    os.close(read)
+    os.waitpid(child, 0)
+    return "survived" if answer == _SURVIVED else "killed"
+
+
+def _is_noticed(mutant: Mutant, items: Sequence[pytest.Item]) -> bool:
+    code = mutant.code()
+    for each in gc.get_objects():
+        if isinstance(each, FunctionType) and each.__code__.co_filename == str(mutant.path):
+            new = code.get((each.__code__.co_qualname, each.__code__.co_firstlineno))
+            if new is not None and each.__code__.co_freevars == new.co_freevars:
+                each.__code__ = new
+        elif isinstance(each, functools._lru_cache_wrapper):
+            each.cache_clear()
+    end = time.monotonic() + _TESTS_S
+    for item in items:
+        if any(report.failed for report in runtestprotocol(item, log=False, nextitem=None)):
+            return True
+        if time.monotonic() > end:
+            break
+    return False
