@@ -18,7 +18,8 @@ import numpy.typing as npt
 from circuitkit.engine.backends.numpy_dense import DenseKernel, make_dense_kernel
 from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
 from circuitkit.engine.operations import FloatArray, IndexArray
-from circuitkit.engine.program import Program, State
+from circuitkit.engine.program import Program
+from circuitkit.engine.state import State
 
 
 def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:

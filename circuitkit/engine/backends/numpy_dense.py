@@ -24,7 +24,8 @@ from circuitkit.engine.backends.dense_plan import (
 from circuitkit.engine.backends.dense_state import Activations, Block
 from circuitkit.engine.backends.numpy_operations import Workspace, bind_operation
 from circuitkit.engine.operations import FloatArray, IndexArray
-from circuitkit.engine.program import Program, State
+from circuitkit.engine.program import Program
+from circuitkit.engine.state import State
 
 Take = Callable[[FloatArray], object]
 Fail = Callable[[], NoReturn]
