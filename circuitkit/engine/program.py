@@ -170,14 +170,16 @@ class Program(Lowered):
                 batch.
         """
         require_inputs(inputs, self.input_names)
-        is_finite = np.isfinite(inputs)
+        with np.errstate(over="ignore"):
+            is_finite = np.isfinite(np.asarray(inputs).astype(self.precision, copy=False))
         if is_finite.all():
             return
         bad = np.argwhere(~is_finite)
         *step, member, column = (int(i) for i in bad[0])
         place = f"step {step[0]}, batch member {member}" if step else f"batch member {member}"
         found = inputs[tuple(bad[0])]
-        message = f"found {found} at {place}; allowed: finite numbers"
+        largest = "" if self.precision == "float64" else ", up to 3.4e38 in float32"
+        message = f"found {found} at {place}; allowed: finite numbers{largest}"
         hint = f"{len(bad) - 1} more are not finite" if len(bad) > 1 else ""
         raise InputError(Problem("", 0, 0, f"inputs.{self.input_names[column]}", message, hint))
 
@@ -209,6 +211,16 @@ class Trace:
     neuron_names: Sequence[str]
     output_names: Sequence[str]
     state_names: Sequence[str]
+
+
+def lasting_rows(program: Program) -> npt.NDArray[np.bool_]:
+    """Find which rows are inputs or survive a control step, shape (n_rows,)."""
+    lasting = np.zeros(program.n_rows, dtype=np.bool_)
+    lasting[1 : 1 + len(program.input_names)] = True
+    lasting[slice(*program.readout_rows)] = True
+    for rows in (program.activation_rows, program.output_rows, program.state_rows):
+        lasting[rows] = True
+    return lasting
 
 
 def input_problem(message: str) -> InputError:

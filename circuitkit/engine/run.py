@@ -226,6 +226,8 @@ def _raise_for(program: Program, inputs: FloatArray, state: State) -> NoReturn:
                 f"the circuit '{program.name}' diverged: in step {state.time - 1} the {kind} "
                 f"{names[column]} of batch member {member} became {values[member, column]}"
             )
+            if program.precision == "float32":
+                message += "; float32 holds numbers up to 3.4e38, float64 larger ones"
             raise DivergedError(message)
     message = f"the circuit '{program.name}' diverged in step {state.time - 1}"
     raise DivergedError(message)

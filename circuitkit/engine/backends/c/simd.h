@@ -303,10 +303,10 @@ CK_INLINE CK(v) CK(expm1)(CK(v) x)
     return CK(fma)(scale, p, scale - CK(power_of_two)(-second)) * CK(power_of_two)(second);
 }
 
-/* (exp(x) - 1) / x, 1 at 0. */
+/* (exp(x) - 1) / x, 1 at 0; where exp is infinite, so is this, whatever the divisor. */
 CK_INLINE CK(v) CK(exprel)(CK(v) x)
 {
-    return CK(where)(x, CK(expm1)(x) / CK(where)(x, x, CK(all)(1)), CK(all)(1));
+    return CK(where)(x, CK(expm1)(x) / CK(where)(x, CK(lower)(CK(all)(CK_EXP_END), x), CK(all)(1)), CK(all)(1));
 }
 
 /* (2^f - 1) / f on |f| <= 1/2; 2^f is off by 6e-16 in double and 9e-9 in single precision, beside the rounding. */
