@@ -33,7 +33,7 @@ def noise(plan: Plan, group: Group, start: int) -> Iterator[Noise]:
     """Adds the noise of a group to rows: sigma times a normal number, over sqrt(dt) for continuous models."""
     scale = group.values(_noise)
     if group.model.continuous:
-        scale = scale / np.sqrt(plan.dt)
+        scale = np.asarray(scale / np.sqrt(plan.dt))
     if scale.any():
         yield Noise(start, start + group.count, scale, group.columns().astype(np.int32))
 

@@ -43,7 +43,5 @@ class _Rounding:
 
     def _rounded(self, values: FloatArray) -> npt.NDArray[Any]:
         if id(values) not in self._known:
-            rounded = values.astype(np.float32)
-            rounded.flags.writeable = False
-            self._known[id(values)] = values, rounded  # held, so that the identity stays taken
+            self._known[id(values)] = values, np.asarray(values, np.float32)  # held, so that the identity stays taken
         return self._known[id(values)][1]
