@@ -1,4 +1,4 @@
-"""Extreme numbers in circuits of all kinds: all backends answer alike, with numbers or with the same divergence.
+"""Extreme numbers in circuits of all kinds: all backends answer alike, by numbers or by a divergence.
 
 The structure of a circuit decides about its C, numbers are data: so one structure is tried with many numbers.
 What one gets may hang on the last bit, as the difference of two large numbers does: a case in which the numpy
@@ -28,9 +28,9 @@ CASES = int(os.environ.get("CIRCUITKIT_CASES", "300"))
 OF_A_STRUCTURE = 50
 LARGEST = 3.4e38  # of inputs and initial values, which are finite in either precision
 EXTREMES = np.array([
-    0.0, -0.0, 1.0, -1.0, 0.5, 1e308, -1e308, 1.7976931348623157e308, 5e-324, -5e-324, 2e-308, 1e154, -1e154, 1e-154,
-    3.4028234663852886e38, 3.5e38, -3.5e38, 1.2e-38, 1e-45, 1e19, 1e-19, 88.0, 104.0, 709.0, 710.0, -745.0, 800.0,
-    -800.0, 2.0**53, 2.0**24, 1e16,
+    0.0, -0.0, 1.0, -1.0, 0.5, 1e308, -1e308, 1.7976931348623157e308, 5e-324, -5e-324, 2e-308, 1e154, -1e154,
+    1e-154, 3.4028234663852886e38, 3.5e38, -3.5e38, 1.2e-38, 1e-45, 1e19, 1e-19, 88.0, 104.0, 709.0, 710.0,
+    -745.0, 800.0, -800.0, 2.0**53, 2.0**24, 1e16,
 ])  # fmt: skip
 COUNTS = {"alike": 0, "diverged": 0, "passed over": 0}
 

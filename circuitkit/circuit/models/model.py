@@ -217,6 +217,11 @@ class NeuronModel(_WithParameters):
         """Whether it advances in substeps."""
         return bool(self.derivatives)
 
+    @cached_property
+    def counts_spikes(self) -> bool:
+        """Whether what is seen of it once a control step is the sum of its spikes over the substeps."""
+        return self.continuous and SPIKE in self.output.names()
+
     def __hash__(self) -> int:
         return hash((self.name, self.output))
 

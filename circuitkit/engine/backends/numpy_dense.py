@@ -48,11 +48,12 @@ def make_dense_kernel(
         batch: Number of copies B.
         make_careful: Makes the kernel for steps that begin with large numbers.
     """
-    stages = dense_stages(program)
-    if stages is None:
-        return None
-    layout = make_layout(program, stages)
-    limit = largest_start(program, stages, layout)
+    with np.errstate(all="ignore"):  # what overflows here has no limit, and is left to others
+        stages = dense_stages(program)
+        if stages is None:
+            return None
+        layout = make_layout(program, stages)
+        limit = largest_start(program, stages, layout)
     return DenseKernel(program, batch, stages, layout, limit, make_careful) if limit else None
 
 

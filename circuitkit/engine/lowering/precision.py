@@ -43,5 +43,6 @@ class _Rounding:
 
     def _rounded(self, values: FloatArray) -> npt.NDArray[Any]:
         if id(values) not in self._known:
-            self._known[id(values)] = values, np.asarray(values, np.float32)  # held, so that the identity stays taken
+            # The values are held as well, so that their identity stays taken.
+            self._known[id(values)] = values, np.asarray(values, np.float32)
         return self._known[id(values)][1]
