@@ -9,7 +9,7 @@ from typing import get_args
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.circuit.graph import CircuitGraph
 from circuitkit.engine.backends import AUTO, COMPILED, compiled_backend, load_backend, return_kernel
-from circuitkit.engine.lowering import lower, side_by_side
+from circuitkit.engine.lowering import in_single_precision, lower, side_by_side
 from circuitkit.engine.program import Precision, Program
 
 
@@ -44,6 +44,8 @@ def compile_circuit(
     is_sweep = graphs is circuit
     graph = _require_alike(graphs)
     lowered = side_by_side([lower(each) for each in graphs]) if is_sweep else lower(graph)
+    if precision == "float32":
+        lowered = in_single_precision(lowered)
     program = Program(
         name=graph.name,
         step_s=graph.step_s,

@@ -1,6 +1,6 @@
 """A compiled circuit: operations on frozen arrays, names bound to indices once.
 
-`Program` is the circuit, `State` what it remembers from step to step, `Trace` what it did over many steps.
+`Program` is the circuit, `Trace` what it did over many steps; `State`, what it remembers, is in `state`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.engine.operations import FloatArray, IndexArray, Lowered, Operation, Remember
+from circuitkit.engine.state import Layout, State
 
 _STEP_AXES = 2
 _RUN_AXES = 3
@@ -71,6 +72,11 @@ class Program(Lowered):
         return tuple(sorted(found, key=lambda operation: operation.memory))
 
     @cached_property
+    def layout(self) -> Layout:
+        """What stands in the columns of its states."""
+        return Layout(self.neuron_names, self.output_names, self.state_names, self.memories)
+
+    @cached_property
     def input_index(self) -> Mapping[str, int]:
         """Column of each input."""
         return {name: i for i, name in enumerate(self.input_names)}
@@ -117,6 +123,7 @@ class Program(Lowered):
             histories=tuple(past(memory) for memory in self.memories),
             time=0,
             seed=np.uint64(seed) + np.arange(size, dtype=np.uint64),
+            layout=self.layout,
         )
 
     def pack_inputs(self, values: Mapping[str, npt.ArrayLike]) -> FloatArray:
@@ -163,65 +170,22 @@ class Program(Lowered):
                 batch.
         """
         require_inputs(inputs, self.input_names)
-        is_finite = np.isfinite(inputs)
+        with np.errstate(over="ignore"):
+            is_finite = np.isfinite(np.asarray(inputs).astype(self.precision, copy=False))
         if is_finite.all():
             return
         bad = np.argwhere(~is_finite)
         *step, member, column = (int(i) for i in bad[0])
         place = f"step {step[0]}, batch member {member}" if step else f"batch member {member}"
         found = inputs[tuple(bad[0])]
-        message = f"found {found} at {place}; allowed: finite numbers"
+        largest = "" if self.precision == "float64" else ", up to 3.4e38 in float32"
+        message = f"found {found} at {place}; allowed: finite numbers{largest}"
         hint = f"{len(bad) - 1} more are not finite" if len(bad) > 1 else ""
         raise InputError(Problem("", 0, 0, f"inputs.{self.input_names[column]}", message, hint))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the kernels, which are bound to memory and are made again."""
-        return {**self.__dict__, "idle": {}}
-
-
-@dataclass(eq=False)
-class State:
-    """What `B` independent copies of a circuit remember from step to step; columns in file order.
-
-    Attributes:
-        activation: Activation A of every neuron (eq. 11), shape (B, n_neurons), [SI unit of its activation].
-        output: Output O of every neuron (eq. 12), shape (B, n_neurons), dimensionless.
-        readout: Outputs of the circuit, which integrating ones add to, shape (B, n_outputs), [SI].
-        states: States of neurons and synapses, in the order of the program's `state_rows`, shape
-            (B, n_states), [SI].
-        histories: For every memory the values of the past, the newest first, shape (B, depth, n_slots).
-        time: Number of control steps done.
-        seed: Seed of the noise of every copy, shape (B,).
-    """
-
-    activation: FloatArray
-    output: FloatArray
-    readout: FloatArray
-    states: FloatArray
-    histories: tuple[FloatArray, ...]
-    time: int
-    seed: npt.NDArray[np.uint64]
-
-    @property
-    def batch(self) -> int:
-        """Number of copies B."""
-        return len(self.activation)
-
-    def arrays(self) -> tuple[FloatArray, ...]:
-        """Return all arrays of numbers that the circuit computes, each with the batch as its first axis."""
-        return (self.activation, self.output, self.readout, self.states, *self.histories)
-
-    def copy(self) -> State:
-        """Return the same values in arrays of its own."""
-        return State(
-            self.activation.copy(),
-            self.output.copy(),
-            self.readout.copy(),
-            self.states.copy(),
-            tuple(history.copy() for history in self.histories),
-            self.time,
-            self.seed.copy(),
-        )
+        """Leave out the kernels, which are bound to memory, and what is made again."""
+        return {name: value for name, value in self.__dict__.items() if name != "layout"} | {"idle": {}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,6 +211,16 @@ class Trace:
     neuron_names: Sequence[str]
     output_names: Sequence[str]
     state_names: Sequence[str]
+
+
+def lasting_rows(program: Program) -> npt.NDArray[np.bool_]:
+    """Find which rows are inputs or survive a control step, shape (n_rows,)."""
+    lasting = np.zeros(program.n_rows, dtype=np.bool_)
+    lasting[1 : 1 + len(program.input_names)] = True
+    lasting[slice(*program.readout_rows)] = True
+    for rows in (program.activation_rows, program.output_rows, program.state_rows):
+        lasting[rows] = True
+    return lasting
 
 
 def input_problem(message: str) -> InputError:

@@ -7,12 +7,13 @@ from typing import NoReturn
 
 import numpy as np
 
-from circuitkit.base.errors import DivergedError, InputError, Problem
+from circuitkit.base.errors import DivergedError
 from circuitkit.circuit.memory import require_memory
 from circuitkit.engine.backends import borrow_kernel, return_kernel
 from circuitkit.engine.operations import FloatArray, IndexArray
-from circuitkit.engine.program import Program, State, Trace, as_run_inputs, require_step_inputs
+from circuitkit.engine.program import Program, Trace, as_run_inputs, require_batch, require_step_inputs
 from circuitkit.engine.record import select
+from circuitkit.engine.state import State, require_state
 
 
 def step(program: Program, state: State, inputs: FloatArray, out: State | None = None) -> State:
@@ -28,12 +29,12 @@ def step(program: Program, state: State, inputs: FloatArray, out: State | None =
         InputError: The shape of the inputs or of a state does not fit, or an input is not finite.
         DivergedError: A number that is not finite came out.
     """
-    batch = state.batch
-    _require_state(program, state, batch, "state")
+    require_state(state, program.layout, None, "state", finite=False)
+    batch = require_batch(state.batch, program.members)
     require_step_inputs(inputs, batch, program.input_names)
     result = program.initial_state(batch) if out is None else out
     if out is not None:
-        _require_state(program, out, batch, "out")
+        require_state(out, program.layout, batch, "out", finite=False, writable=True)
     kernel = borrow_kernel(program, batch)
     kernel.load(state)
     kernel.inputs[...] = inputs
@@ -42,6 +43,8 @@ def step(program: Program, state: State, inputs: FloatArray, out: State | None =
     result.seed[...] = state.seed
     return_kernel(program, kernel)
     if not is_finite:
+        if result is not state:
+            require_state(state, program.layout, batch, "state", finite=True)
         _raise_for(program, inputs, result)
     return result
 
@@ -74,7 +77,8 @@ def run(
     selection = select(program, record, states=states)
     steps, batch, _ = inputs.shape
     before = program.initial_state(batch) if state is None else state
-    _require_state(program, before, batch, "state")
+    require_batch(batch, program.members)
+    require_state(before, program.layout, batch, "state", finite=True)
     width = len(selection.rows)
     found = f"{steps} steps of {batch} times {width} values"
     require_memory("record", found, 8.0 * steps * batch * width)
@@ -184,7 +188,7 @@ class Stepper:
 
     @state.setter
     def state(self, state: State) -> None:
-        _require_state(self.program, state, self.batch, "state")
+        require_state(state, self.program.layout, self.batch, "state", finite=True)
         self._seed = state.seed.copy()
         self._kernel.load(state)
 
@@ -193,15 +197,6 @@ class Stepper:
         state = self.program.initial_state(self.batch)
         state.seed = self._seed
         self._kernel.load(state)
-
-
-def _require_state(program: Program, state: State, batch: int, where: str) -> None:
-    n, m = len(program.neuron_names), len(program.output_names)
-    found = (state.activation.shape, state.output.shape, state.readout.shape)
-    wanted = ((batch, n), (batch, n), (batch, m))
-    if found != wanted:
-        message = f"found arrays of shapes {found}; allowed: {wanted}, for the circuit '{program.name}'"
-        raise InputError(Problem("", 0, 0, where, message))
 
 
 def _raise_for(program: Program, inputs: FloatArray, state: State) -> NoReturn:
@@ -231,6 +226,8 @@ def _raise_for(program: Program, inputs: FloatArray, state: State) -> NoReturn:
                 f"the circuit '{program.name}' diverged: in step {state.time - 1} the {kind} "
                 f"{names[column]} of batch member {member} became {values[member, column]}"
             )
+            if program.precision == "float32":
+                message += "; float32 holds numbers up to 3.4e38, float64 larger ones"
             raise DivergedError(message)
     message = f"the circuit '{program.name}' diverged in step {state.time - 1}"
     raise DivergedError(message)

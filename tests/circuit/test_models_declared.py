@@ -123,7 +123,7 @@ def rows(table: str) -> list[list[str]]:
 
 
 NEURON_MISTAKES = rows("""\
--w / tau ‖ -w / tua ‖ -w / ¦tua ‖ derivatives.w: unknown name 'tua'; allowed: A, gain, rest, tau, top, v, w; did you mean 'tau'?
+-w / tau ‖ -w / tua ‖ -w / ¦tua ‖ derivatives.w: unknown name 'tua'; allowed: A, dt, gain, rest, tau, top, v, w; did you mean 'tau'?
 -w / tau ‖ -w / tau) ‖ -w / tau¦) ‖ derivatives.w: cannot read the expression '-w / tau)'; allowed: numbers, names, + - * / ^ < <= > >= and or not, and functions
 -w / tau ‖ -w / tau / 0 + 1 / 0 / tau ‖ + ¦1 / 0 ‖ derivatives.w: found '1 / 0', which has no value (float division by zero); allowed: a finite number
 -w / tau ‖ -w / tau * 9^9^9^9 ‖ * ¦9^9 ‖ derivatives.w: found '9 ** 9 ** 9 ** 9', which has no value (math range error); allowed: a finite number

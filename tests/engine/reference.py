@@ -71,6 +71,17 @@ class Link:
     delay_s: float
     gate: str
     rank: float
+    total: float = 0.0  # delivered by the spikes of a control step
+
+    def sees_spikes(self, cells: dict[str, Cell]) -> bool:
+        """Whether it takes spikes one by one although its target is discrete."""
+        source = cells.get(self.sources[0][0]) if self.sources else None
+        spiking = source and source.model.continuous and "spike" in source.model.output.names()
+        return bool(spiking and self.model.jumps and not self.target.model.continuous)
+
+    @property
+    def adds_up(self) -> bool:
+        return not self.model.current.names().isdisjoint(("pre", "input"))
 
 
 class Reference:
@@ -286,7 +297,14 @@ class Reference:
         """The new activation; jumps happen on the way."""
         total = 0.0
         for link in self.links:
-            if link.target is cell:
+            if link.target is cell and link.sees_spikes(self.cells) and link.adds_up:
+                total += link.total
+                link.total = 0.0
+            elif link.target is cell and link.sees_spikes(self.cells):
+                total += float(
+                    link.model.current.evaluate({**self._known(link, newest=False), **link.states})
+                )
+            elif link.target is cell:
                 known = self._known(link, newest=False)
                 link.states.update(
                     {name: float(new.evaluate(known)) for name, new in link.model.jumps.items()}
@@ -324,6 +342,7 @@ class Reference:
         for link, k in links:
             if link.model.derivatives:
                 link.states = self._advanced(link.model, {**k, **link.states}, link.states, self.dt)
+        self._advance_counting()
         moved = self._runge_kutta([cell for cell in cells if cell.model.method == "rk4"])
         for cell in cells:
             if cell.model.method != "rk4":
@@ -337,11 +356,39 @@ class Reference:
             counts = "spike" in cell.model.output.names()
             cell.output = cell.output + cell.momentary if counts else cell.momentary
             cell.fine_past.append(cell.momentary)
+        self._take_spikes()
+
+    def _advance_counting(self) -> None:
+        for link in self.links:
+            if link.sees_spikes(self.cells) and link.model.derivatives:
+                k = {**self._spike_known(link, 1), **link.states}
+                link.states = self._advanced(link.model, k, link.states, self.dt)
+
+    def _take_spikes(self) -> None:
+        for link in self.links:
+            if not link.sees_spikes(self.cells):
+                continue
+            known = self._spike_known(link, 0)
+            link.states.update({name: float(new.evaluate(known)) for name, new in link.model.jumps.items()})
+            if link.adds_up:
+                link.total += float(link.model.current.evaluate({**known, **link.states}))
+
+    def _spike_known(self, link: Link, before: int) -> dict[str, float]:
+        """Values of all names, those of the source in a substep: `before` its end, a delay is one shorter."""
+        known = self._known(link, newest=False)
+        age = round(link.delay_s / self.graph.step_s) * self.graph.substeps
+        age = age - before if age else 0
+        pre = [(weight, _back(self.cells[name].fine_past, age)) for name, weight in link.sources]
+        known["input"] = sum(weight * value for weight, value in pre)
+        if len(pre) == 1:
+            known["weight"], known["pre"] = pre[0]
+        return known
 
     def _end(self) -> None:
         updates = []
         for link in self.links:
-            if link.model.derivatives and not link.target.model.continuous:
+            counts = link.sees_spikes(self.cells)
+            if link.model.derivatives and not link.target.model.continuous and not counts:
                 known = self._known(link, newest=True)
                 link.states = self._advanced(link.model, known, link.states, self.graph.step_s)
         for link in self.links:

@@ -74,12 +74,10 @@ def test_shapes_that_do_not_fit_are_named_with_those_that_do(graph):
         "inputs: found shape (9, 2); allowed: an array of shape (T, B, 2) with the columns left, right": (
             lambda: run(program, np.zeros((9, 2)))
         ),
-        "state: found arrays of shapes ((4, 4), (4, 4), (4, 1)); allowed: ((3, 4), (3, 4), (3, 1)), "
-        "for the circuit 'test'": (lambda: run(program, np.zeros((9, 3, 2)), state)),
-        "out: found arrays of shapes ((1, 4), (1, 4), (1, 1)); allowed: ((4, 4), (4, 4), (4, 1)), "
-        "for the circuit 'test'": (
-            lambda: step(program, state, np.zeros((4, 2)), out=program.initial_state())
-        ),
+        "state: found activation of shape (4, 4); allowed: (3, 4); a state fits the circuit that it was made "
+        "for": (lambda: run(program, np.zeros((9, 3, 2)), state)),
+        "out: found activation of shape (1, 4); allowed: (4, 4); a state fits the circuit that it was made "
+        "for": (lambda: step(program, state, np.zeros((4, 2)), out=program.initial_state())),
         "batch: found 0; allowed: whole numbers from 1": lambda: program.initial_state(0),
     }
     for message, call in calls.items():

@@ -63,6 +63,7 @@ def parse_unit_rule(text: str, words: Iterable[str]) -> tuple[UnitRule, Unit | N
 
 # Names that expressions of neuron models may use beside their own parameters and states:
 ACTIVATION = "A"  # sum of what the synapses deliver (eq. 11), with the noise
+DT = "dt"  # of a substep, in derivatives and resets: what is counted in steps begins with a whole number
 SPIKE = "spike"  # 1 in the substep in which the condition was met, else 0; in the output of a spiking model
 # ... and those of synapse models:
 WEIGHT = "weight"
@@ -216,6 +217,11 @@ class NeuronModel(_WithParameters):
     def continuous(self) -> bool:
         """Whether it advances in substeps."""
         return bool(self.derivatives)
+
+    @cached_property
+    def counts_spikes(self) -> bool:
+        """Whether what is seen of it once a control step is the sum of its spikes over the substeps."""
+        return self.continuous and SPIKE in self.output.names()
 
     def __hash__(self) -> int:
         return hash((self.name, self.output))

@@ -12,12 +12,13 @@ from pathlib import Path
 
 from circuitkit.base.errors import InputError, UnknownNameError, listing
 from circuitkit.base.source import Document, Place, read_yaml, shipped_file, shipped_names, validate_model
-from circuitkit.base.units import Unit
+from circuitkit.base.units import Dimension, Unit
 from circuitkit.circuit.expressions.dimensions import NO_DIMENSION, OpenDimension
 from circuitkit.circuit.expressions.expression import Expression
 from circuitkit.circuit.models.declaration import Declaration, NeuronForm, SpikeForm, SynapseForm
 from circuitkit.circuit.models.model import (
     ACTIVATION,
+    DT,
     GATE,
     INPUT,
     NEURON_WORDS,
@@ -34,10 +35,11 @@ from circuitkit.circuit.models.model import (
     UnitRule,
 )
 
+_TIME = OpenDimension(Dimension(time=1))
 _ACTIVATION_DIMENSION = OpenDimension(activation=1)
 # Keys of neurons and synapses in a circuit file, beside which the parameters stand, and names of equations.
 _KEYS = ("model", "description", "initial")
-_TAKEN_BY_NEURONS = frozenset((*_KEYS, "role", "noise", "size", ACTIVATION, SPIKE, *NEURON_WORDS))
+_TAKEN_BY_NEURONS = frozenset((*_KEYS, "role", "noise", "size", ACTIVATION, DT, SPIKE, *NEURON_WORDS))
 _TAKEN_BY_SYNAPSES = frozenset(
     (*_KEYS, "from", "to", "delay", "connect", "self", "kind", PRE, POST, INPUT, GATE, *SYNAPSE_WORDS)
 )
@@ -52,12 +54,14 @@ def read_neuron_model(document: Document, place: Place = ()) -> NeuronModel:
     form = validate_model(document, NeuronForm, place)
     declaration = Declaration(document, place, NEURON_WORDS, _TAKEN_BY_NEURONS)
     activation = _activation(declaration, form)
-    declaration.dimensions |= {ACTIVATION: declaration.dimension(UnitRule("", activation=1))}
+    declaration.dimensions |= {ACTIVATION: declaration.dimension(UnitRule("", activation=1)), DT: _TIME}
     parameters = declaration.parameters(form.parameters)
     names = tuple(form.parameters)
     states = declaration.states(form.states, names)
     own = (*names, *form.states)
-    derivatives = declaration.equations(("derivatives",), form.derivatives, form.states, (ACTIVATION, *own))
+    derivatives = declaration.equations(
+        ("derivatives",), form.derivatives, form.states, (ACTIVATION, DT, *own)
+    )
     updates = declaration.equations(("updates",), form.updates, form.states, (ACTIVATION, *own))
     spike = None if form.spike is None else _spike(declaration, form.spike, form, own)
     output = _output(declaration, form, own)
@@ -157,7 +161,7 @@ def _activation(declaration: Declaration, form: NeuronForm) -> Unit | None:
 def _spike(declaration: Declaration, spike: SpikeForm, form: NeuronForm, names: tuple[str, ...]) -> Spike:
     when = declaration.equation(("spike", "when"), spike.when, names)
     declaration.check(("spike", "when"), when, None)
-    return Spike(when, declaration.equations(("spike", "reset"), spike.reset, form.states, names))
+    return Spike(when, declaration.equations(("spike", "reset"), spike.reset, form.states, (DT, *names)))
 
 
 def _output(declaration: Declaration, form: NeuronForm, own: tuple[str, ...]) -> Expression:

@@ -35,6 +35,7 @@ from circuitkit.circuit.resolving.synapses import (
     gate_name,
     source_end,
     warn_of_delay,
+    warn_of_rate,
     weight_fits,
 )
 from circuitkit.circuit.spec import ConnectSpec, ProjectionSpec
@@ -120,6 +121,7 @@ class _Making:
         scope, item, model = self.scope, self.item, self.model
         delay = delay_s(scope, item)
         warn_of_delay(scope, item, delay, self.source, [self.target], header)
+        warn_of_rate(scope, item, model, self.source)
         if not check_reads(scope, item, model, self.source, self.target):
             return
         found = self._connections()

@@ -13,6 +13,7 @@ from circuitkit.circuit.expressions.symbolic import constant, derivative, simpli
 from circuitkit.circuit.expressions.values import Amount
 from circuitkit.circuit.graph import Synapse, SynapseKind
 from circuitkit.circuit.models import SynapseModel
+from circuitkit.circuit.models.model import INPUT, PRE, SPIKE
 from circuitkit.circuit.resolving.declarations import Item
 from circuitkit.circuit.resolving.declared_models import (
     DeclaredModels,
@@ -169,6 +170,7 @@ class _Wiring:
                 return
             check_parameters(scope, item, model, parameters, weight.unit, end, target)
         warn_of_delay(scope, item, delay, end, targets, self.header)
+        warn_of_rate(scope, item, model, end)
         kind: SynapseKind = item.spec.kind or end.role or "sensorial"
         _check_weight(scope, item, model, weight, kind, end)
         if len(terms) != 1 or terms[0].factor != 1.0:
@@ -226,6 +228,23 @@ def warn_of_delay(
         if changed:
             scope.warnings.append(item.problem(("delay",), f"found {item.spec.delay}; {changed}"))
             return
+
+
+def warn_of_rate(scope: Scope, item: Item[Any], model: SynapseModel, source: Endpoint) -> None:
+    """Warn of a model that jumps by what arrives, at each spike, where a source delivers in every step.
+
+    What such a source brings grows with the number of steps in a second.
+    """
+    seen = frozenset[str]().union(*(new.names() for new in model.jumps.values()))
+    if seen.isdisjoint((PRE, INPUT)):
+        return
+    if source.model is None or SPIKE not in source.model.output.names():
+        message = (
+            f"found {source.name}, which does not spike; {model.name} jumps by it again in every step, "
+            "so that results depend on the number of substeps"
+        )
+        allowed = "a source that spikes, or a model without jumps, such as first_order"
+        scope.warnings.append(item.problem(("from",), f"{message}; use {allowed}"))
 
 
 def _rounded_delay(delay_s: float, step_s: float) -> str:

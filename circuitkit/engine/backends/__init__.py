@@ -14,7 +14,8 @@ from typing import Protocol
 
 from circuitkit.base.errors import UnknownNameError
 from circuitkit.engine.operations import FloatArray, IndexArray
-from circuitkit.engine.program import Program, State
+from circuitkit.engine.program import Program
+from circuitkit.engine.state import State
 
 AUTO = "auto"
 COMPILED = "compiled"

@@ -22,7 +22,8 @@ from circuitkit.engine.backends.c.pieces import Arrays, Constants
 from circuitkit.engine.backends.c.unrolled import print_unrolled
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
 from circuitkit.engine.operations import FloatArray, IndexArray, Map, Noise, Operation, Recall, Remember, Sum
-from circuitkit.engine.program import Program, State
+from circuitkit.engine.program import Program
+from circuitkit.engine.state import State
 
 _LOG = logging.getLogger("circuitkit")
 _ALIGNMENT = 64

@@ -32,10 +32,12 @@ _PRINTED_FUNCTIONS = {
 class Code:
     """Lines of a function and the globals that its names stand for.
 
+    Infinite limits print as `inf`, which is one of them.
+
     Attributes:
         n_inputs: Number of inputs, from place 1 on; their names are `u1` and so on.
         lines: What is done in a step.
-        checks: Conditions that hold if all is finite.
+        guard: A condition of the numbers at the beginning of a step, without which others must do it.
         names: The globals.
         written: Names of numbers that the step changes.
     """
@@ -43,8 +45,14 @@ class Code:
     def __init__(self, numbers: memoryview, n_inputs: int) -> None:
         self.n_inputs = n_inputs
         self.lines: list[str] = []
-        self.checks: list[str] = []
-        self.names: dict[str, Any] = {"m": numbers, "exp": math.exp, "tanh": math.tanh, "INF": math.inf}
+        self.guard = ""
+        self.names: dict[str, Any] = {
+            "m": numbers,
+            "exp": math.exp,
+            "tanh": math.tanh,
+            "inf": math.inf,
+            "nan": math.nan,
+        }
         self.written: set[str] = {"time"}
         self.values: dict[int, str] = {1 + i: f"u{1 + i}" for i in range(n_inputs)}
 
@@ -70,6 +78,11 @@ class Code:
         """Give text for the number at a place: its name, if it has one already, or a look into the array."""
         return self.values.get(place, f"m[{place}]")
 
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+        return [f"u{1 + i}" for i in range(self.n_inputs)]
+
     def reads(self) -> list[str]:
         """Return lines that give the inputs their names."""
         return [f"u{1 + i} = m[{1 + i}]" for i in range(self.n_inputs)]
@@ -79,7 +92,7 @@ class Code:
 
         A few are taken one by one; what does not fit, `take` refuses.
         """
-        names = ", ".join(f"u{1 + i}" for i in range(self.n_inputs))
+        names = ", ".join(self.inputs)
         reads = [f"    {line}" for line in self.reads()] or ["    pass"]
         lines = ["if inputs is None:", *reads, "else:"]
         if not 0 < self.n_inputs <= _FEW_INPUTS:
@@ -90,20 +103,19 @@ class Code:
         return [*lines, *attempt, *refusal, "    else:", *writes]
 
     def function(
-        self, head: str, start: Sequence[str], refusal: str, ending: Sequence[str]
+        self, head: str, start: Sequence[str], otherwise: Sequence[str], ending: Sequence[str]
     ) -> Callable[..., Any]:
         """Return a function; several share their globals.
 
         Args:
             head: Its name and arguments.
             start: Lines that give the inputs their names.
-            refusal: What it does, before all else, if an input is not finite.
+            otherwise: What it does, before all else, if the guard does not hold.
             ending: Its last lines.
         """
         first = [f"global {', '.join(sorted(self.written))}", *start]
-        if self.n_inputs:  # zero times a number is zero, or not a number if the number is not finite
-            read = " + ".join(f"u{1 + i} * 0.0" for i in range(self.n_inputs))
-            first += [f"if {read} != 0.0:", f"    {refusal}"]
+        if self.guard:
+            first += [f"if not {self.guard}:", *(f"    {line}" for line in otherwise)]
         body = [*first, *self.lines, "time += 1", *ending]
         text = f"def {head}:\n    " + "\n    ".join(body) + "\n"
         exec(compile(text, f"<{head}>", "exec"), self.names)  # the text is our own
@@ -159,16 +171,7 @@ def read_out(code: Code, operations: Sequence[Operation], layout: Layout) -> boo
     first, stop = layout.readouts
     for place in range(first, stop):
         code.lines.append(f"m[{place}] = {found[place]}")
-        if not (layout.is_bounded and _has_limits(rows)):
-            code.checks.append(f"{found[place]} - {found[place]} == 0.0")
     return True
-
-
-def _has_limits(operations: Sequence[Operation]) -> bool:
-    """Check whether all outputs are kept between finite limits."""
-    maps = [each for each in operations if isinstance(each, Map)]
-    limits = [each.constants.get(name) for each in maps for name in ("low", "high")]
-    return len(maps) == 1 and all(limit is not None and np.isfinite(limit).all() for limit in limits)
 
 
 def _print_sum(code: Code, operation: Sum, found: dict[int, str]) -> None:
@@ -189,7 +192,7 @@ def _print_map(code: Code, operation: Map, found: dict[int, str]) -> None:
         for i in range(operation.count):
             names = {name: found.get(first + i, f"y{first + i}") for name, first in operation.rows.items()}
             names |= {
-                name: repr(float(np.broadcast_to(value, (operation.count,))[i])).replace("inf", "INF")
+                name: repr(float(np.broadcast_to(value, (operation.count,))[i]))
                 for name, value in operation.constants.items()
             }
             found[row + i] = code.keep(f"y{row + i}", _printed(code, expression, names))

@@ -76,8 +76,9 @@ class Activations:
 
     def load(self, arguments: Sequence[FloatArray], activation: FloatArray) -> None:
         """Take over activations of shape (members, n_neurons)."""
-        for x, (columns, gains, constants) in zip(arguments, self._all, strict=True):
-            x[: len(columns)] = gains * activation[:, columns].T + constants
+        with np.errstate(over="ignore"):  # of x; the activations themselves are finite
+            for x, (columns, gains, constants) in zip(arguments, self._all, strict=True):
+                x[: len(columns)] = gains * activation[:, columns].T + constants
 
     def store(self, arguments: Sequence[FloatArray], activation: FloatArray) -> None:
         """Write the activations into an array of shape (members, n_neurons)."""

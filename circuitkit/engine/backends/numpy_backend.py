@@ -18,12 +18,13 @@ import numpy.typing as npt
 from circuitkit.engine.backends.numpy_dense import DenseKernel, make_dense_kernel
 from circuitkit.engine.backends.numpy_operations import Call, Ring, Workspace, bind_operation
 from circuitkit.engine.operations import FloatArray, IndexArray
-from circuitkit.engine.program import Program, State
+from circuitkit.engine.program import Program, lasting_rows
+from circuitkit.engine.state import State
 
 
 def make_kernel(program: Program, batch: int) -> NumpyKernel | DenseKernel:
     """Make a kernel for B = `batch` copies of the circuit."""
-    dense = None if program.reproducible else make_dense_kernel(program, batch)
+    dense = None if program.reproducible else make_dense_kernel(program, batch, NumpyKernel)
     return NumpyKernel(program, batch) if dense is None else dense
 
 
@@ -46,7 +47,8 @@ class NumpyKernel:
         self._activation_rows = _chosen(program.activation_rows)
         self._output_rows = _chosen(program.output_rows)
         self._state_rows = _chosen(program.state_rows)
-        self._lasting = table[: _lasting(program)].reshape(-1)
+        self._lasting = lasting_rows(program)
+        self._looked_at = table[: int(np.flatnonzero(self._lasting).max(initial=0)) + 1].reshape(-1)
         silent = contextvars.copy_context()  # `np.errstate` would cost as much as five operations
         silent.run(np.seterr, all="ignore")
         self.advance: Callable[[], bool] = partial(silent.run, self._advance, self._bind(program))
@@ -68,7 +70,10 @@ class NumpyKernel:
         for call in calls:
             call()
         self._work.clock.step += 1
-        return math.isfinite(np.add.reduce(self._lasting)) or bool(np.isfinite(self._lasting).all())
+        # The sum of finite numbers may be infinite, and there are rows between that do not last.
+        return math.isfinite(np.add.reduce(self._looked_at)) or bool(
+            np.isfinite(self._table[self._lasting]).all()
+        )
 
     def load(self, state: State) -> None:
         """Take over a state."""
@@ -115,10 +120,3 @@ def _chosen(rows: IndexArray) -> slice | npt.NDArray[np.intp]:
     if len(rows) and (np.diff(rows) == 1).all():
         return slice(int(rows[0]), int(rows[-1]) + 1)
     return rows.astype(np.intp)
-
-
-def _lasting(program: Program) -> int:
-    """Find how many rows, from the first, must be finite after a step."""
-    rows = (program.activation_rows, program.output_rows, program.state_rows)
-    last = max((int(each.max()) for each in rows if len(each)), default=0)
-    return max(last + 1, program.readout_rows[1], 1 + len(program.input_names))

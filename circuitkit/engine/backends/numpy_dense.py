@@ -1,19 +1,24 @@
-"""Dense kernel of the numpy backend: a matrix product for every stage, its order of additions left open."""
+"""Dense kernel of the numpy backend: a matrix product for every stage, its order of additions left open.
+
+It serves numbers far from infinity, for which that order decides about rounding alone. A step that begins
+with others is done term by term, by a kernel that is kept for this.
+"""
 
 from __future__ import annotations
 
 import contextvars
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from scipy.special import expit
 
+from circuitkit.engine.backends.dense_bounds import accumulates, largest_start
 from circuitkit.engine.backends.dense_code import Code, one_by_one, quicker_one_by_one, read_out
 from circuitkit.engine.backends.dense_plan import (
     IDENTITY,
+    Layout,
     Stage,
     dense_stages,
     make_layout,
@@ -24,7 +29,8 @@ from circuitkit.engine.backends.dense_plan import (
 from circuitkit.engine.backends.dense_state import Activations, Block
 from circuitkit.engine.backends.numpy_operations import Workspace, bind_operation
 from circuitkit.engine.operations import FloatArray, IndexArray
-from circuitkit.engine.program import Program, State
+from circuitkit.engine.program import Program
+from circuitkit.engine.state import State
 
 Take = Callable[[FloatArray], object]
 Fail = Callable[[], NoReturn]
@@ -32,10 +38,36 @@ _BLOCK = 4096  # members of a batch that are computed together, so that they sta
 _SINGLE = 8  # members from which numpy's vectorised exp is faster than scipy's expit
 
 
-def make_dense_kernel(program: Program, batch: int) -> DenseKernel | None:
-    """Make a kernel for a program that is a few matrix products; None for any other."""
-    stages = dense_stages(program)
-    return None if stages is None else DenseKernel(program, batch, stages)
+def make_dense_kernel(
+    program: Program, batch: int, make_careful: Callable[[Program, int], Careful]
+) -> DenseKernel | None:
+    """Make a kernel for a program that is a few matrix products; None for any other.
+
+    Args:
+        program: The compiled circuit.
+        batch: Number of copies B.
+        make_careful: Makes the kernel for steps that begin with large numbers.
+    """
+    with np.errstate(all="ignore"):  # what overflows here has no limit, and is left to others
+        stages = dense_stages(program)
+        if stages is None:
+            return None
+        layout = make_layout(program, stages)
+        limit = largest_start(program, stages, layout)
+    return DenseKernel(program, batch, stages, layout, limit, make_careful) if limit else None
+
+
+class Careful(Protocol):
+    """What does a step term by term; see `circuitkit.engine.backends.Kernel`."""
+
+    inputs: FloatArray
+    advance: Callable[[], bool]
+
+    def load(self, state: State) -> None:
+        """Take over a state."""
+
+    def store(self, state: State) -> None:
+        """Write the state into the arrays of another one."""
 
 
 class DenseKernel:
@@ -44,11 +76,21 @@ class DenseKernel:
     Activations are not kept: they are worked out from x = gain A + constant when somebody asks for them.
     """
 
-    def __init__(self, program: Program, batch: int, stages: Sequence[Stage]) -> None:
-        layout = make_layout(program, stages)
+    def __init__(
+        self,
+        program: Program,
+        batch: int,
+        stages: Sequence[Stage],
+        layout: Layout,
+        limit: float,
+        make_careful: Callable[[Program, int], Careful],
+    ) -> None:
         number = np.dtype(program.precision)
         self.batch = batch
         self._layout, self._stages, self._program = layout, stages, program
+        self._limit, self._make_careful = limit, make_careful
+        self._careful: Careful | None = None
+        self._grows = not layout.is_bounded or accumulates(program, limit)
         self._mirrored = batch > _SINGLE
         sign = -1.0 if self._mirrored else 1.0
         self._matrices = [matrix.astype(number) for matrix in matrices(stages, layout, sign)]
@@ -72,11 +114,11 @@ class DenseKernel:
         self._given = np.zeros((batch, len(program.activation_rows)))
         self._time = self._loaded = 0
         self._code: Code | None = None
-        if batch == 1:
+        if batch == 1 and program.precision == "float64":  # as Python's numbers are
             self._code = self._straight()
             self.advance: Callable[[], bool] = self._loud(
                 self._code.function(
-                    "advance()", self._code.reads(), "return False", [f"return {self._condition()}"]
+                    "advance()", self._code.reads(), ["return step_carefully()"], ["return True"]
                 )
             )
         else:
@@ -100,13 +142,10 @@ class DenseKernel:
         if self._code is None:
             return None
         self._code.names |= {"take": take, "fail": fail, "readout": self.readout}
-        ending = [f"if not ({self._condition()}):", "    fail()", "return readout"]
-        return self._loud(self._code.function("step(inputs=None)", self._code.takes(), "fail()", ending))
-
-    def _condition(self) -> str:
-        code = self._code
-        checks = code.checks if code is not None else []
-        return f"({' and '.join(checks)}) or is_finite()" if checks else "True"
+        otherwise = ["if not step_carefully():", "    fail()", "return readout"]
+        return self._loud(
+            self._code.function("step(inputs=None)", self._code.takes(), otherwise, ["return readout"])
+        )
 
     def _loud(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """Return the function, without numpy's warnings if it can give any."""
@@ -117,7 +156,7 @@ class DenseKernel:
         """Return the step as straight code."""
         numbers = self._blocks[0].numbers.reshape(-1)
         code = Code(numbers.data, len(self._program.input_names))
-        code.names |= {"time": 0, "is_finite": self._is_finite}
+        code.names |= {"time": 0, "step_carefully": self._step_carefully}
         outputs_first = self._stages[0].outputs_first
         self._by_number = not outputs_first and quicker_one_by_one(self._stages, self._layout)
         if self._by_number:
@@ -130,8 +169,32 @@ class DenseKernel:
             for operation in self._program.after:
                 for call in bind_operation(moved(operation, self._layout), work, in_substeps=False):
                     code.call(call)
-            code.checks.append("is_finite()")
+        code.guard = self._guard(code, numbers)
         return code
+
+    def _guard(self, code: Code, numbers: FloatArray) -> str:
+        """Return the condition that no number at the beginning of a step is large, or not a number."""
+        squares = [f"{name} * {name}" for name in code.inputs]
+        if self._grows and self._by_number:
+            outputs = [name for name in code.values.values() if name.startswith("o")]
+            readouts = [f"m[{place}]" for place in range(*self._layout.readouts)]
+            squares += [f"{name} * {name}" for name in (*outputs, *readouts)]
+        elif self._grows:
+            squares = [f"{code.bind(numbers.dot)}({code.bind(numbers)})"]
+        return f"{' + '.join(squares)} < {self._limit * self._limit!r}" if squares else ""
+
+    def _step_carefully(self) -> bool:
+        """Do a step term by term, and say whether all is finite."""
+        if self._careful is None:
+            self._careful = self._make_careful(self._program, self.batch)
+        state, careful = self._program.initial_state(self.batch), self._careful
+        self.store(state)
+        careful.load(state)
+        careful.inputs[...] = self.inputs
+        is_finite = careful.advance()
+        careful.store(state)
+        self.load(state)
+        return is_finite
 
     def _print_numbers(self, code: Code) -> None:
         for parts, joints in zip(self._layout.parts, self._layout.joints, strict=True):
@@ -140,9 +203,6 @@ class DenseKernel:
                 code.values[place] = f"o{place}"
         for number, stage in enumerate(self._stages):
             one_by_one(code, stage, self._layout, number)
-        if not self._layout.is_bounded:
-            outputs = " + ".join(name for name in code.values.values() if name.startswith("o"))
-            code.checks.append(f"({outputs}) - ({outputs}) == 0.0")
 
     def _print_arrays(self, code: Code, numbers: FloatArray) -> None:
         parts = zip(self._stages, self._matrices, self._blocks[0].arguments, self._layout.parts, strict=True)
@@ -162,18 +222,12 @@ class DenseKernel:
                 code.call(np.positive, product, x)
             for target, joint, first, second in self._layout.joints[number]:
                 code.lines.append(f"m[{target}] = m[{first}] {joint} m[{second}]")
-        if not self._layout.is_bounded:
-            code.checks.append("is_finite()")
 
     def _push_first(self, code: Code) -> None:
         """Let the arrays have the outputs before calls read them."""
         if self._by_number:
             for place, name in code.values.items():
                 code.lines.append(f"m[{place}] = {name}")
-
-    def _is_finite(self) -> bool:
-        self._pull()
-        return all(map(_is_finite, (self._blocks[0].numbers, *self._blocks[0].arguments)))
 
     def _pull(self) -> None:
         """Put what straight code keeps to itself into the arrays."""
@@ -204,7 +258,7 @@ class DenseKernel:
     def _blocked(self) -> Callable[[], bool]:
         """Return the step of a batch, block after block."""
         calls: list[Callable[[], object]] = []
-        checked: list[FloatArray] = [self._inputs, self._readout]
+        guarded: list[FloatArray] = [self._inputs]
         for block in self._blocks:
             inputs, readout = slice(1, 1 + len(self._inputs)), slice(*self._layout.readouts)
             if len(self._blocks) > 1:
@@ -213,17 +267,17 @@ class DenseKernel:
             calls += self._read_out(block.numbers)
             if len(self._blocks) > 1:
                 calls.append(partial(np.copyto, self._readout[:, block.members], block.numbers[readout]))
-            checked += [] if self._layout.is_bounded else [block.numbers]
-        # Zero times a number is zero, or not a number if the number is not finite.
-        sums = [
-            partial(np.zeros(each.size, each.dtype).dot, each.reshape(-1)) for each in checked if each.size
-        ]
+            guarded += [block.numbers] if self._grows else []
+        flat = [each.reshape(-1) for each in guarded if each.size]
+        squares, largest = [partial(each.dot, each) for each in flat], self._limit * self._limit
 
         def advance() -> bool:
+            if not all(each() < largest for each in squares):
+                return self._step_carefully()
             for call in calls:
                 call()
             self._time += 1
-            return all(each() == 0.0 for each in sums)
+            return True
 
         return advance
 
@@ -352,11 +406,6 @@ def _function_calls(
         ]
     call, arguments = _function_call(function, x, result)
     return [partial(call, *arguments)]
-
-
-def _is_finite(values: FloatArray) -> bool:
-    """Check whether all are finite; a sum that is not may come from large numbers: look closer then."""
-    return math.isfinite(np.add.reduce(values, None)) or bool(np.isfinite(values).all())
 
 
 def _silently(function: Callable[[], bool]) -> Callable[[], bool]:

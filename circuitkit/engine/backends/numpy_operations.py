@@ -86,12 +86,13 @@ def _bind_noise(operation: Noise, work: Workspace, *, in_substeps: bool) -> Call
     normals = NormalNumbers(operation.streams, rows.shape[1])
     work.normals.append(normals)
     scale = np.array(np.broadcast_to(_as_rows(operation.scale, *rows.shape), rows.shape), order="C")
-    scaled, clock = np.empty_like(rows), work.clock
+    drawn, clock = np.empty_like(rows), work.clock
 
     def add_noise() -> None:
         normals.draw(clock.substep if in_substeps else clock.step)
-        np.multiply(normals.values, scale, scaled, casting="same_kind")
-        np.add(rows, scaled, rows)
+        np.copyto(drawn, normals.values)
+        np.multiply(drawn, scale, drawn)
+        np.add(rows, drawn, rows)
 
     return add_noise
 

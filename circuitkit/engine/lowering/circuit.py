@@ -32,6 +32,7 @@ from circuitkit.engine.lowering.synapses import (
     Bundle,
     ProjectedSynapses,
     SingleSynapses,
+    counts_spikes,
     make_bundle,
     only_weighs,
 )
@@ -60,7 +61,12 @@ def lower(graph: CircuitGraph) -> Lowered:
     before = list(_before(plan, bundles, arrivals))
     substep = list(_substep(plan, bundles, arrivals)) if plan.continuous else []
     after = [
-        *(operation for bundle in bundles if not bundle.runs_in_substeps for operation in bundle.progress()),
+        *(
+            operation
+            for bundle in bundles
+            if not (bundle.runs_in_substeps or bundle.sees_spikes)
+            for operation in bundle.progress()
+        ),
         *(operation for bundle in bundles for operation in bundle.update()),
         *_read_out(plan, readout),
     ]
@@ -87,11 +93,12 @@ def lower(graph: CircuitGraph) -> Lowered:
 def _bundles(plan: Plan, sources: Sources) -> Iterator[Bundle]:
     """Synapses that do more than weigh: single ones by model and stage of their targets, and projections."""
     stage_of = {id(group): i for i, stage in enumerate(plan.stages) for group in stage}
-    alike: dict[tuple[SynapseModel, int], list[Synapse]] = {}
+    alike: dict[tuple[SynapseModel, int, bool], list[Synapse]] = {}
     for synapse in plan.graph.synapses:
         if not only_weighs(synapse.model):
             target, _ = plan.find(synapse.target)
-            alike.setdefault((synapse.model, stage_of.get(id(target.group), -1)), []).append(synapse)
+            key = synapse.model, stage_of.get(id(target.group), -1), counts_spikes(plan, synapse.source)
+            alike.setdefault(key, []).append(synapse)
     for synapses in alike.values():
         yield SingleSynapses(plan, sources, synapses)
     for projection in plan.graph.projections:
@@ -163,9 +170,12 @@ def _substep(plan: Plan, bundles: Sequence[Bundle], arrivals: Arrivals) -> Itera
     for bundle in own:
         yield from bundle.arrive()
     yield from arrivals.sums(plan.continuous)
-    for bundle in own:
+    counting = [bundle for bundle in bundles if bundle.sees_spikes]
+    for bundle in (*own, *counting):
         yield from bundle.progress()
     yield from continuous_step(plan, plan.continuous, arrivals)
+    for bundle in counting:
+        yield from bundle.spiked()
 
 
 def _neuron_rows(groups: Sequence[Group]) -> tuple[IndexArray, IndexArray]:

@@ -20,13 +20,12 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number
 from circuitkit.circuit.expressions.symbolic import derivative
-from circuitkit.circuit.models.model import Method
+from circuitkit.circuit.models.model import DT, Method
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.lowering.arithmetic import make_map
 from circuitkit.engine.lowering.plan import Table
 from circuitkit.engine.operations import FloatArray, IndexArray, Map
 
-_DT = "dt__"
 STAGES = 4  # of rk4
 _FRACTIONS = (0.5, 0.5, 1.0)  # of dt at which its states are tried
 
@@ -58,7 +57,7 @@ class System:
     def map(self, results: list[tuple[int, Expression]], states: Mapping[str, int] | None = None) -> Map:
         """Return the operation that gives rows the values of expressions in terms of the equations' names."""
         rows = {**self.rows, **(self.states if states is None else states)}
-        constants = {**self.constants, _DT: np.array(self.dt)}
+        constants = {**self.constants, DT: np.array(self.dt)}
         return make_map(self.count, results, rows, constants, self.picks)
 
 
@@ -78,7 +77,7 @@ def advance(system: System, method: Method, table: Table) -> Iterator[Map]:
 def _alone(system: System, method: Method) -> tuple[list[tuple[int, Expression]], Mapping[str, FloatArray]]:
     results = []
     for name, slope in system.derivatives.items():
-        time: Expression = Name(_DT)
+        time: Expression = Name(DT)
         jacobian = derivative(slope, name)
         if method == "exponential_euler" and jacobian != Number(0.0):
             time = Binary("*", time, Call("exprel", (Binary("*", time, jacobian),)))
@@ -155,7 +154,7 @@ class RungeKutta:
         """Yield the states for the next stage, if there is one."""
         if stage == STAGES - 1:
             return
-        time = Binary("*", Number(_FRACTIONS[stage]), Name(_DT))
+        time = Binary("*", Number(_FRACTIONS[stage]), Name(DT))
         slopes = {_slope(name): row for name, row in self._slopes[stage].items()}
         results = [
             (self.trials[name], _moved(name, time, Name(_slope(name)))) for name in self.system.derivatives
@@ -169,7 +168,7 @@ class RungeKutta:
             for stage, slopes in enumerate(self._slopes)
             for name, row in slopes.items()
         }
-        sixth = Binary("/", Name(_DT), Number(6.0))
+        sixth = Binary("/", Name(DT), Number(6.0))
         results = []
         for name in self.system.derivatives:
             first, second, third, fourth = (Name(f"{_slope(name)}{stage}") for stage in range(STAGES))

@@ -8,7 +8,7 @@ import numpy as np
 
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Name, Number
 from circuitkit.circuit.graph import Neuron, PerMember, Population
-from circuitkit.circuit.models.model import ACTIVATION, SPIKE, NeuronModel
+from circuitkit.circuit.models.model import ACTIVATION, DT, SPIKE, NeuronModel
 from circuitkit.engine.backends.numpy_expression import NUMPY_FUNCTIONS
 from circuitkit.engine.lowering.arithmetic import Arrivals, Moved, make_map
 from circuitkit.engine.lowering.methods import STAGES, RungeKutta, System, advance
@@ -33,7 +33,7 @@ def noise(plan: Plan, group: Group, start: int) -> Iterator[Noise]:
     """Adds the noise of a group to rows: sigma times a normal number, over sqrt(dt) for continuous models."""
     scale = group.values(_noise)
     if group.model.continuous:
-        scale = scale / np.sqrt(plan.dt)
+        scale = np.asarray(scale / np.sqrt(plan.dt))
     if scale.any():
         yield Noise(start, start + group.count, scale, group.columns().astype(np.int32))
 
@@ -60,7 +60,8 @@ def continuous_step(plan: Plan, groups: Sequence[Group], arrivals: Arrivals) -> 
 
 def outputs(plan: Plan, group: Group) -> Iterator[Operation]:
     """Spikes and resets by the new states, then the outputs by what the resets left."""
-    model, rows, parameters = group.model, _rows(group), group.parameters()
+    model, rows = group.model, _rows(group)
+    parameters = {**group.parameters(), DT: np.array(plan.dt)}
     results: list[tuple[int, Expression]]
     if model.spike is not None:
         rows[SPIKE] = group.momentary if model.output == Name(SPIKE) else plan.table.take(group.count)

@@ -141,7 +141,7 @@ class Group:
     @property
     def counts_spikes(self) -> bool:
         """Whether what is seen at control rate is the sum over the substeps."""
-        return self.model.continuous and SPIKE in self.model.output.names()
+        return self.model.counts_spikes
 
 
 class Naming(Protocol):

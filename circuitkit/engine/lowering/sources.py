@@ -53,11 +53,14 @@ def _delays(graph: CircuitGraph) -> Iterator[_Delay]:
     """Yield those of at least one step; of a substep where both endpoints are continuous."""
     nodes: tuple[Neuron | Population, ...] = (*graph.neurons, *graph.populations)
     continuous = {node.name for node in nodes if node.model.continuous}
+    spiking = {node.name for node in nodes if node.model.counts_spikes}
     synapses: tuple[Synapse | Projection, ...] = (*graph.synapses, *graph.projections)
     for synapse in synapses:
         if synapse.delay_s:
             in_substeps = continuous.issuperset((node_of(synapse.source), node_of(synapse.target)))
             steps = delay_steps(synapse.delay_s, graph.step_s / (graph.substeps if in_substeps else 1))
+            if not in_substeps and synapse.model.jumps and node_of(synapse.source) in spiking:
+                in_substeps, steps = True, steps * graph.substeps
             if steps:
                 yield _Delay(synapse, in_substeps, steps)
 
@@ -142,6 +145,14 @@ class Sources:
         if name not in plan.inputs and (source.node.name, target.node.name) in plan.order.held:
             return self.held(source.output, source.size) + member
         return row
+
+    def momentary(self, name: str, delay_s: float = 0.0) -> int:
+        """Give row of the output of a continuous neuron at the end of a substep, or of what it was before."""
+        plan = self._plan
+        source, member = plan.find(name)
+        row, count = source.momentary + member, source.size if name == source.node.name else 1
+        steps = delay_steps(delay_s, plan.graph.step_s) * plan.graph.substeps
+        return self._past("substep", row, count, steps) if steps > 0 else row
 
     def newest(self, name: str, delay_s: float = 0.0) -> int:
         """Return row of an output at the end of a control step, or of what it was there so long ago."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from circuitkit.circuit.expressions.expression import Binary, Expression, Name
+from circuitkit.circuit.expressions.expression import Binary, Expression, Name, Number
 from circuitkit.circuit.expressions.symbolic import substitute
 from circuitkit.circuit.graph import PerMember, Projection, Synapse
 from circuitkit.circuit.models import STATIC
@@ -23,21 +23,27 @@ from circuitkit.circuit.models.model import (
     WEIGHT,
     SynapseModel,
 )
-from circuitkit.engine.lowering.arithmetic import Matrix, Term, make_map, matrix_sum
+from circuitkit.engine.lowering.arithmetic import Matrix, Term, copy_rows, make_map, matrix_sum
 from circuitkit.engine.lowering.methods import System, advance
 from circuitkit.engine.lowering.plan import Block, Connections, Listed, Members, Naming, Plan, StateNames
 from circuitkit.engine.lowering.sources import Sources
 from circuitkit.engine.operations import FloatArray, IndexArray, Map, Operation
 
-Moment = Literal["arrival", "end"]
+Moment = Literal["arrival", "spike", "end"]  # spike: at the end of a substep
 _WEIGHTED = Binary("*", Name(WEIGHT), Name(PRE))
 _PLAIN = frozenset({_WEIGHTED, Binary("*", Name(PRE), Name(WEIGHT)), Name(INPUT)})
 _ONE = np.array(1.0)
+_TOTAL = "total__"
 
 
 def only_weighs(model: SynapseModel) -> bool:
     """Check whether a synapse of this model is just a term of a sum: `weight * pre`."""
     return model is STATIC or (not model.states and model.current in _PLAIN)
+
+
+def counts_spikes(plan: Plan, source: str) -> bool:
+    """Check whether what is seen of a source at control rate is the sum of its spikes over the substeps."""
+    return source not in plan.inputs and plan.find(source)[0].group.counts_spikes
 
 
 class Bundle(ABC):
@@ -50,13 +56,27 @@ class Bundle(ABC):
         delivered: First row of what they deliver.
         target: Where they lead, or one of the blocks of the stage where they do.
         runs_in_substeps: Whether they run with their targets in substeps.
+        sees_spikes: Whether they take every spike of a substep by itself, although their targets, which are
+            discrete, only see what has come of it: jumps do not add up.
     """
 
-    def __init__(self, plan: Plan, sources: Sources, model: SynapseModel, count: int, target: Block) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        sources: Sources,
+        model: SynapseModel,
+        count: int,
+        target: Block,
+        *,
+        counted: bool,
+    ) -> None:
         self.plan, self.sources = plan, sources
         self.model, self.count = model, count
         self.target = target
         self.runs_in_substeps = target.node.model.continuous
+        self.sees_spikes = counted and bool(model.jumps) and not self.runs_in_substeps
+        self._adds_up = self.sees_spikes and not model.current.names().isdisjoint((PRE, INPUT))
+        self._total = 0
         self.states: dict[str, int] = {}
         self.delivered = 0
 
@@ -66,6 +86,9 @@ class Bundle(ABC):
             self.states[state.name] = self.plan.table.take(self.count, self.initial(state.name))
             names.add(self.states[state.name], self.count, self.naming(), state.name)
         self.delivered = self.plan.table.take(self.count)
+        if self._adds_up:
+            self._total = self.plan.table.take(self.count)
+            names.add(self._total, self.count, self.naming(), "delivered")
 
     @abstractmethod
     def naming(self) -> Naming:
@@ -89,17 +112,28 @@ class Bundle(ABC):
 
     def arrive(self) -> Iterator[Operation]:
         """Jumps, then what is delivered, in every step or substep."""
-        if self.model.jumps:
+        if self._adds_up:
+            yield copy_rows(self.count, self._total, self.delivered)
+            yield make_map(self.count, [(self._total, Number(0.0))], {})
+            return
+        if self.model.jumps and not self.sees_spikes:
             yield self._map([(self.states[name], new) for name, new in self.model.jumps.items()], "arrival")
         yield self._map([(self.delivered, self.model.current)], "arrival")
+
+    def spiked(self) -> Iterator[Operation]:
+        """Jumps by the spikes of a substep, and what they deliver added to what those before have."""
+        yield self._map([(self.states[name], new) for name, new in self.model.jumps.items()], "spike")
+        if self._adds_up:
+            total = Binary("+", Name(_TOTAL), self.prepared(self.model.current))
+            yield self._map([(self._total, total)], "spike", {_TOTAL: self._total})
 
     def progress(self) -> Iterator[Operation]:
         """States advance by their derivatives: in substeps by what arrived, else by the newest outputs."""
         if self.model.derivatives:
-            moment: Moment = "arrival" if self.runs_in_substeps else "end"
+            moment = self._moment()
             slopes = {name: self.prepared(slope) for name, slope in self.model.derivatives.items()}
-            rows, picks = self._rows(list(slopes.values()), moment)
-            dt = self.plan.dt if self.runs_in_substeps else self.plan.graph.step_s
+            rows, picks = self._rows(list(slopes.values()), moment, self.states)
+            dt = self.plan.graph.step_s if moment == "end" else self.plan.dt
             constants = self.constants()
             system = System(self.model.name, self.count, self.states, slopes, rows, picks, constants, dt)
             yield from advance(system, self.model.method, self.plan.table)
@@ -109,19 +143,31 @@ class Bundle(ABC):
         if self.model.updates:
             yield self._map([(self.states[name], new) for name, new in self.model.updates.items()], "end")
 
-    def _map(self, results: Sequence[tuple[int, Expression]], moment: Moment) -> Map:
+    def _moment(self) -> Moment:
+        """Find by the outputs of when the states advance."""
+        if self.sees_spikes:
+            return "spike"
+        return "arrival" if self.runs_in_substeps else "end"
+
+    def _map(
+        self,
+        results: Sequence[tuple[int, Expression]],
+        moment: Moment,
+        own: Mapping[str, int] | None = None,
+    ) -> Map:
         prepared = [(row, self.prepared(expression)) for row, expression in results]
-        rows, picks = self._rows([expression for _, expression in prepared], moment)
-        return make_map(self.count, prepared, {**rows, **self.states}, self.constants(), picks)
+        own = {**self.states, **(own or {})}
+        rows, picks = self._rows([expression for _, expression in prepared], moment, own)
+        return make_map(self.count, prepared, {**rows, **own}, self.constants(), picks)
 
     def _rows(
-        self, expressions: Sequence[Expression], moment: Moment
+        self, expressions: Sequence[Expression], moment: Moment, own: Mapping[str, int]
     ) -> tuple[dict[str, int], dict[str, IndexArray]]:
         """Find the first row, or all rows if they are no neighbours, of names from outside the bundle."""
         rows: dict[str, int] = {}
         picks: dict[str, IndexArray] = {}
         used = frozenset[str]().union(*(expression.names() for expression in expressions))
-        for name in sorted(used - self.states.keys() - self.constants().keys()):
+        for name in sorted(used - own.keys() - self.constants().keys()):
             found = self.rows_of(name, moment)
             if (np.diff(found) == 1).all():
                 rows[name] = int(found[0])
@@ -136,15 +182,17 @@ class Bundle(ABC):
         if name.startswith(PRE_STATE) and name in self.model.reads:
             block, member = self.plan.find(source)
             row = block.state(name.removeprefix(PRE_STATE))
-            if moment == "arrival" and (block.node.name, target.node.name) in self.plan.order.held:
+            if moment != "end" and (block.node.name, target.node.name) in self.plan.order.held:
                 row = self.sources.held(row, block.size)
             return row + member
         if name.startswith(POST_STATE) and name in self.model.reads:
             return target.state(name.removeprefix(POST_STATE))
         if name == POST:
-            return target.momentary if moment == "arrival" else target.output
+            return target.output if moment == "end" else target.momentary
         seen, delay_s = (gate, 0.0) if name == GATE else (source, delay_s)
-        if moment == "arrival":
+        if moment == "spike" and name != GATE:
+            return self.sources.momentary(seen, delay_s)
+        if moment != "end":
             return self.sources.row(seen, target, delay_s)
         return self.sources.newest(seen, delay_s)
 
@@ -155,7 +203,8 @@ class SingleSynapses(Bundle):
     def __init__(self, plan: Plan, sources: Sources, synapses: Sequence[Synapse]) -> None:
         self.synapses = synapses
         self.targets = [plan.find(synapse.target) for synapse in synapses]
-        super().__init__(plan, sources, synapses[0].model, len(synapses), self.targets[0][0])
+        counted = counts_spikes(plan, synapses[0].source)
+        super().__init__(plan, sources, synapses[0].model, len(synapses), self.targets[0][0], counted=counted)
 
     def naming(self) -> Naming:
         """Find what they are called."""
@@ -197,7 +246,8 @@ class ProjectedSynapses(Bundle):
 
     def __init__(self, plan: Plan, sources: Sources, projection: Projection) -> None:
         self.projection = projection
-        super().__init__(plan, sources, projection.model, self._size(), plan.blocks[projection.target])
+        target, counted = plan.blocks[projection.target], counts_spikes(plan, projection.source)
+        super().__init__(plan, sources, projection.model, self._size(), target, counted=counted)
 
     def _size(self) -> int:
         return len(self.projection.sources)
@@ -253,13 +303,19 @@ class ProjectedTargets(ProjectedSynapses):
 
     def arrive(self) -> Iterator[Operation]:
         """Yield the sums, then as usual."""
-        yield self._input("arrival")
+        if not self.sees_spikes:
+            yield self._input("arrival")
         yield from super().arrive()
+
+    def spiked(self) -> Iterator[Operation]:
+        """As usual, with sums of the spikes."""
+        yield self._input("spike")
+        yield from super().spiked()
 
     def progress(self) -> Iterator[Operation]:
         """As usual, with sums of the newest outputs at control rate."""
-        if self.model.derivatives and not self.runs_in_substeps:
-            yield self._input("end")
+        if self.model.derivatives and self._moment() != "arrival":
+            yield self._input(self._moment())
         yield from super().progress()
 
     def update(self) -> Iterator[Operation]:

@@ -35,6 +35,7 @@
 #ifdef CK_SINGLE
 typedef float real;
 typedef int32_t whole;
+#define CK_UNSIGNED uint32_t
 #define CK_LIBM(name) CK_JOIN(name, f)
 #define CK_FMA_BUILTIN __builtin_fmaf
 #define CK_VECTOR_FMA __builtin_ia32_vfmaddps
@@ -51,6 +52,7 @@ typedef int32_t whole;
 #else
 typedef double real;
 typedef int64_t whole;
+#define CK_UNSIGNED uint64_t
 #define CK_LIBM(name) name
 #define CK_FMA_BUILTIN __builtin_fma
 #define CK_VECTOR_FMA __builtin_ia32_vfmaddpd

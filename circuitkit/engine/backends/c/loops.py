@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from circuitkit.engine.backends.c.fusion import Loop, fused
 from circuitkit.engine.backends.c.maps import LoopPrinter
-from circuitkit.engine.backends.c.pieces import Arrays, lasting_rows, print_memories, ranges, written_ranges
+from circuitkit.engine.backends.c.pieces import Arrays, print_memories, ranges, written_ranges
 from circuitkit.engine.backends.c.spikes import columns, n_sources, sums_of_spikes
 from circuitkit.engine.operations import Noise, Operation, Recall, Remember, Sum
-from circuitkit.engine.program import Program
+from circuitkit.engine.program import Program, lasting_rows
 
 _LONG = 200_000  # terms whose weights and indices do not fit into a processor's own cache
 _MOST_WORKERS = 64  # as in `workers.h`

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
@@ -31,6 +32,13 @@ def print_expression(expression: Expression, names: Mapping[str, str], width: in
     return _Printer(names, width).text(expression)
 
 
+def print_number(value: float) -> str:
+    """C source of a number; the shortest digits that are read as the same double."""
+    if math.isfinite(value):
+        return f"(real){value!r}"
+    return "(real)NAN" if math.isnan(value) else f"(real){'-' if value < 0 else ''}INFINITY"
+
+
 class _Printer:
     """Walks a tree; `simd.h` has every function of the language under its own name."""
 
@@ -41,7 +49,7 @@ class _Printer:
     def text(self, expression: Expression) -> str:
         match expression:
             case Number(value=value):
-                return self._call("all", f"(real){value!r}")
+                return self._call("all", print_number(value))
             case Name(name=name):
                 return self._names[name]
             case Unary(operator=sign, operand=operand):
@@ -135,16 +143,6 @@ class Arrays:
     def made(self) -> list[AnyArray]:
         """Return all of them, for a kernel."""
         return [make() for make in self._make]
-
-
-def lasting_rows(program: Program) -> npt.NDArray[np.bool_]:
-    """Find which rows are inputs or survive a control step, shape (n_rows,)."""
-    lasting = np.zeros(program.n_rows, dtype=np.bool_)
-    lasting[1 : 1 + len(program.input_names)] = True
-    lasting[slice(*program.readout_rows)] = True
-    for rows in (program.activation_rows, program.output_rows, program.state_rows):
-        lasting[rows] = True
-    return lasting
 
 
 def print_memories(program: Program) -> Iterator[str]:

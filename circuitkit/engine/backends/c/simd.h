@@ -3,7 +3,7 @@
    A loop over lanes becomes one instruction where the machine has it: compilers find these without intrinsics. */
 
 #define CK(name) CK_JOIN(name##_, N)
-#if N > 1 && (defined(__AVX512F__) || (defined(__AVX__) && N * CK_SIZE <= 32))
+#if N * CK_SIZE >= 16 && (defined(__AVX512F__) || (defined(__AVX__) && N * CK_SIZE <= 32))
 #ifdef CK_SINGLE /* compilers take two instructions for what is one */
 #define CK_ASSEMBLY "ps"
 #else
@@ -25,10 +25,12 @@
 #if N == 1
 typedef real v_1;
 typedef whole w_1;
+typedef CK_UNSIGNED n_1;
 #define AT(x) (x)
 #else
 typedef real CK(v) __attribute__((vector_size(N * sizeof(real))));
 typedef whole CK(w) __attribute__((vector_size(N * sizeof(real))));
+typedef CK_UNSIGNED CK(n) __attribute__((vector_size(N * sizeof(real)))); /* may be shifted beyond its end */
 typedef real CK(u) __attribute__((vector_size(N * sizeof(real)), aligned(sizeof(real)), may_alias)); /* in memory */
 #define AT(x) (x)[lane]
 #endif
@@ -267,7 +269,7 @@ CK_INLINE CK(v) CK(polynomial)(CK(v) r, CK(v) r2)
 /* 2^k for |k| below the largest exponent; k in the last bits of a number. */
 CK_INLINE CK(v) CK(power_of_two)(CK(w) k_bits)
 {
-    return CK(number)((k_bits << CK_MANTISSA) + CK(bits)(CK(all)(1)));
+    return CK(number)((CK(w))(((CK(n))k_bits << CK_MANTISSA) + (CK(n))CK(bits)(CK(all)(1))));
 }
 
 /* k as a sum of two that each fit into an exponent, whatever exp(x) does. */
@@ -303,10 +305,10 @@ CK_INLINE CK(v) CK(expm1)(CK(v) x)
     return CK(fma)(scale, p, scale - CK(power_of_two)(-second)) * CK(power_of_two)(second);
 }
 
-/* (exp(x) - 1) / x, 1 at 0. */
+/* (exp(x) - 1) / x, 1 at 0; where exp is infinite, so is this, whatever the divisor. */
 CK_INLINE CK(v) CK(exprel)(CK(v) x)
 {
-    return CK(where)(x, CK(expm1)(x) / CK(where)(x, x, CK(all)(1)), CK(all)(1));
+    return CK(where)(x, CK(expm1)(x) / CK(where)(x, CK(lower)(CK(all)(CK_EXP_END), x), CK(all)(1)), CK(all)(1));
 }
 
 /* (2^f - 1) / f on |f| <= 1/2; 2^f is off by 6e-16 in double and 9e-9 in single precision, beside the rounding. */

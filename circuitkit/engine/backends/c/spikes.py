@@ -85,6 +85,7 @@ def _is_large(operation: Sum) -> bool:
         n_terms >= _MANY_TERMS
         and operation.weights.ndim < 2  # noqa: PLR2004  # no sweep
         and n_terms >= _TERMS_OF_A_SOURCE * n_sources(operation)
+        and bool(np.isfinite(operation.weights).all())  # an infinite one times zero is not zero
     )
 
 

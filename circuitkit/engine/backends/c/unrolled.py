@@ -15,13 +15,12 @@ from circuitkit.engine.backends.c import SIMD_WIDTH
 from circuitkit.engine.backends.c.pieces import (
     Constants,
     first_read,
-    lasting_rows,
     print_expression,
     print_memories,
     written,
 )
 from circuitkit.engine.operations import FloatArray, Map, Noise, Operation, Recall, Remember, Sum
-from circuitkit.engine.program import Program
+from circuitkit.engine.program import Program, lasting_rows
 
 # Vectors of members whose statements alternate: while one waits for a result, the processor does another.
 _ABREAST = 3
