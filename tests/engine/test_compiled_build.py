@@ -135,7 +135,7 @@ def test_a_full_disk_leads_to_numpy(cache, monkeypatch):
     def full(*_args, **_more):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tempfile.TemporaryDirectory", full)
+    monkeypatch.setattr(build, "scratch", full)
     with pytest.raises(BuildError, match=r"the cache cannot be used: .*No space left on device"):
         load_program(SOURCE.format(5))
     assert not list(cache.iterdir())
@@ -170,7 +170,7 @@ def test_two_processes_at_once_do_not_harm_each_other(cache, tmp_path):
 
 
 def test_the_oldest_libraries_go_when_there_are_many(cache, monkeypatch):
-    monkeypatch.setattr(build, "_MAX_KEPT", 2)
+    monkeypatch.setattr("circuitkit.engine.backends.c.cache._MAX_KEPT", 2)
     for i in range(3):
         load_program(SOURCE.format(10 + i))
         for age, path in enumerate(libraries(cache)):
