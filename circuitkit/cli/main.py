@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import reason
+from circuitkit.base.graphics import shut_out_settings_of_matplotlib
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer as Buffer
@@ -25,6 +26,7 @@ PIPE_CLOSED = 141  # 128 + SIGPIPE, as shells report it
 def entry_point() -> None:
     """Run the command line of this process and exit with its code."""
     _open_standard_streams()
+    shut_out_settings_of_matplotlib()
     sys.exit(main())
 
 
