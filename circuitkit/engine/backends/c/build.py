@@ -222,7 +222,7 @@ def _run(command: list[str], folder: Path) -> tuple[int, str]:
     message = f"the compiler {command[0]} was ended after {_LIMIT_S:g} s without a result"
     if command[0] in _hanging:
         raise BuildError(message)
-    process = subprocess.Popen(
+    with subprocess.Popen(
         command,
         cwd=folder,
         env={**os.environ, "TMPDIR": str(folder)},
@@ -232,16 +232,15 @@ def _run(command: list[str], folder: Path) -> tuple[int, str]:
         text=True,
         errors="replace",
         start_new_session=True,
-    )
-    try:
-        _, said = process.communicate(timeout=_LIMIT_S)
-    except BaseException as error:
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        if not isinstance(error, subprocess.TimeoutExpired):
-            raise
-        _hanging.add(command[0])
-        warn_once(message)
-        raise BuildError(message) from error
+    ) as process:
+        try:
+            _, said = process.communicate(timeout=_LIMIT_S)
+        except BaseException as error:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)
+            if not isinstance(error, subprocess.TimeoutExpired):
+                raise
+            _hanging.add(command[0])
+            warn_once(message)
+            raise BuildError(message) from error
     return process.returncode, said
