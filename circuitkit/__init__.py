@@ -6,6 +6,7 @@ Importing this package is light; every name below is imported when it is first u
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -62,6 +63,11 @@ _NAMES = {
     "simulation": "Recording Scenario compare load_scenario simulate",
 }
 _PACKAGE_OF = {name: f"{__name__}.{package}" for package, names in _NAMES.items() for name in names.split()}
+
+if os.environ.get("MUJOCO_GL"):
+    from circuitkit.base.graphics import import_mujoco
+
+    import_mujoco()
 
 
 def __getattr__(name: str) -> object:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import stat
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from circuitkit.base.files import OutputError, replacing, write_text
+from circuitkit.base.files import SEAL, DamagedFileError, OutputError, replacing, seal, verified, write_text
+
+_IMPORTS = "from pathlib import Path; from circuitkit.base.files import write_text"
 
 
 def test_missing_folders_are_made(tmp_path):
@@ -74,3 +82,130 @@ def test_a_full_disk_is_named():
 def test_what_is_no_regular_file_is_written_directly():
     write_text(Path("/dev/null"), "text")
     assert not Path("/dev/null").is_file()
+
+
+def test_text_is_utf_8_with_plain_line_ends_whatever_the_locale(tmp_path):
+    script = f"{_IMPORTS}; write_text(Path('f'), '\\u03b1\\n')"
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment, check=True)
+    assert (tmp_path / "f").read_bytes() == "α\n".encode()
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o644, 0o664, 0o755])
+def test_permissions_of_a_file_that_is_there_are_kept(tmp_path, mode):
+    path = tmp_path / "f"
+    path.write_text("old", encoding="utf-8")
+    path.chmod(mode)
+    write_text(path, "new")
+    assert (path.read_text(encoding="utf-8"), path.stat().st_mode & 0o7777) == ("new", mode)
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o002, 0o077])
+def test_a_new_file_has_the_permissions_that_the_user_wants_for_files(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        write_text(tmp_path / "f", "new")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "f").stat().st_mode & 0o777 == 0o666 & ~mask
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name_and_then_the_name_is(tmp_path, monkeypatch):
+    done = []
+    sync, replace = os.fsync, Path.replace
+
+    def synced(opened):
+        done.append("folder" if stat.S_ISDIR(os.fstat(opened).st_mode) else "file")
+        sync(opened)
+
+    def renamed(path, target):
+        done.append("renamed")
+        return replace(path, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(Path, "replace", renamed)
+    write_text(tmp_path / "f", "text")
+    assert done == ["file", "renamed", "folder"]
+
+
+def test_threads_that_write_the_same_file_do_not_disturb_each_other(tmp_path):
+    path = tmp_path / "f"
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda i: write_text(path, f"{i}" * 100_000), range(1, 10)))
+    text = path.read_text(encoding="utf-8")
+    assert text == text[0] * 100_000
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", ["x" * 255, "a%d{}b.txt", "-x.txt", "[a]*?.txt", "ä ö\n$é.txt", "a.b" * 60])
+def test_any_name_that_a_file_can_have_can_be_written(tmp_path, name):
+    write_text(tmp_path / name, "text")
+    assert [each.name for each in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a\0b", "loop"])
+def test_a_name_that_no_file_can_have_is_an_error_that_says_so(tmp_path, name):
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OutputError, match=r"^cannot write '.*': \w"):
+        write_text(tmp_path / name, "text")
+
+
+_WRITING = """
+import os, sys, time
+from pathlib import Path
+from circuitkit.base.files import replacing, scratch
+def say(_):
+    print("writing", flush=True)
+    time.sleep(60)
+if sys.argv[1] == "file":
+    with replacing(Path("f.txt")) as part:
+        part.write_text("half")
+        say(part)
+with scratch(Path(), is_folder=True) as folder:
+    (folder / "program.c").write_text("half")
+    say(folder)
+"""
+
+
+@pytest.mark.parametrize("what", ["file", "folder"])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGKILL])
+def test_a_process_that_is_ended_while_it_writes_leaves_nothing_or_the_next_takes_it_away(
+    tmp_path, what, number
+):
+    (tmp_path / "f.txt").write_text("old", encoding="utf-8")
+    words = [sys.executable, "-c", _WRITING, what]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(words, cwd=tmp_path, **pipes, text=True) as running:
+        assert running.stdout.readline() == "writing\n"
+        assert len(list(tmp_path.iterdir())) == 2
+        other = [sys.executable, "-c", f"{_IMPORTS}; write_text(Path('g'), '')"]
+        subprocess.run(other, cwd=tmp_path, check=True)
+        assert len(list(tmp_path.iterdir())) == 3, "what is being written is no left-over"
+        running.send_signal(number)
+        assert running.wait(timeout=30) == -number
+    if number == signal.SIGKILL:
+        assert len(list(tmp_path.iterdir())) == 3
+        subprocess.run(other, cwd=tmp_path, check=True)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["f.txt", "g"]
+    assert (tmp_path / "f.txt").read_text(encoding="utf-8") == "old"
+
+
+def test_files_of_others_that_look_like_ours_stay(tmp_path):
+    for name in (".part", ".circuitkit-notes.part", ".circuitkit-12345678.part.bak.txt", "a.part"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    write_text(tmp_path / "f", "text")
+    assert len(list(tmp_path.iterdir())) == 5
+
+
+def test_each_flipped_bit_of_a_sealed_file_is_told(tmp_path):
+    path = tmp_path / "f"
+    path.write_text(f'{{"checksum": "{SEAL}", "value": 1.5}}', encoding="utf-8")
+    seal(path)
+    content = path.read_bytes()
+    assert verified(path, "") == content
+    for place in range(8 * len(content)):
+        broken = bytearray(content)
+        broken[place // 8] ^= 1 << place % 8
+        path.write_bytes(broken)
+        with pytest.raises(DamagedFileError, match=r"' is damaged: .*; make it again$"):
+            verified(path, "make it again")

@@ -61,6 +61,23 @@ def test_without_the_plug_in_its_kinds_are_unknown(folder):
     assert "lab_kick.yaml:8:5: disturbances[0].kick: unknown key 'kick'; allowed: " in done.stderr
 
 
+def test_a_plug_in_cannot_replace_a_kind_of_ours_without_a_word(folder):
+    (folder / "lab_pushes.py").write_text(
+        "from circuitkit.simulation.disturbances.push import Push\n"
+        "class Stronger(Push):\n"
+        "    kind = 'push'\n",
+        encoding="utf-8",
+    )
+    install(folder, "[circuitkit.disturbances]\nstronger = lab_pushes\n")
+    done = run(folder, "simulate", "arm_reflex")
+    assert done.returncode == 0
+    assert done.stderr == (
+        "the kind 'push' of lab_pushes.Stronger is left out of the disturbances: "
+        "there is circuitkit.simulation.disturbances.push.Push already; allowed: another `kind`\n"
+    )
+    assert "deflection" in done.stdout
+
+
 def test_a_plug_in_that_fails_is_left_out_with_a_warning(folder):
     install(folder, "[circuitkit.measures]\nlab = not_there\n")
     done = run(folder, "simulate", "cartpole_balances", "--json")

@@ -80,7 +80,13 @@ class Registry(Generic[KindT]):
     def kinds(self) -> Mapping[str, type[KindT]]:
         """The classes by their `kind`, in alphabetical order. A warning names plug-ins that fail."""
         found = {each.kind: each for each in self._own()}
-        found |= plugged_in(self.word, lambda point: [(each.kind, each) for each in self._of(point)])
+        for each in plugged_in(self.word, lambda point: list(self._of(point))):
+            if (there := found.setdefault(each.kind, each)) is not each:
+                theirs, ours = (f"{kind.__module__}.{kind.__qualname__}" for kind in (each, there))
+                why = f"there is {ours} already; allowed: another `kind`"
+                _LOG.warning(
+                    "the kind '%s' of %s is left out of the %s: %s", each.kind, theirs, self.word, why
+                )
         return dict(sorted(found.items()))
 
     def __getitem__(self, kind: str) -> type[KindT]:

@@ -7,21 +7,58 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import reason
+from circuitkit.base.graphics import shut_out_settings_of_matplotlib
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer as Buffer
 
 DONE = 0
 RUN_FAILED = 3
 INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+_STDOUT, _STDERR = 1, 2
 PIPE_CLOSED = 141  # 128 + SIGPIPE, as shells report it
 
 
 def entry_point() -> None:
     """Run the command line of this process and exit with its code."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal without Greek letters still shows the rest
+    _open_standard_streams()
+    shut_out_settings_of_matplotlib()
     sys.exit(main())
+
+
+class _Uncomplaining(io.FileIO):
+    """Where messages go: if they cannot be written, nobody can be told."""
+
+    def write(self, text: Buffer, /) -> int | None:  # type: ignore[override]  # None: as `io` documents it
+        try:
+            return super().write(text)
+        except OSError:
+            return memoryview(text).nbytes
+
+
+def _open_standard_streams() -> None:
+    """Have streams that can be written to, whatever they were closed or redirected to, and in UTF-8.
+
+    A terminal has its own encoding, and without Greek letters it still shows the rest.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= _STDERR:  # or a result gets that number
+        os.set_inheritable(number, True)
+    os.close(number)
+    sys.stdout = sys.stdout or open(_STDOUT, "w", closefd=False)  # noqa: SIM115 - to the end
+    if sys.stderr is None or sys.stderr is sys.__stderr__:
+        encoding = None if sys.stderr is None else sys.stderr.encoding
+        raw = io.BufferedWriter(_Uncomplaining(_STDERR, "w", closefd=False))
+        sys.stderr = io.TextIOWrapper(raw, encoding, line_buffering=True, write_through=True)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            if stream.isatty():
+                stream.reconfigure(errors="replace")
+            else:
+                stream.reconfigure(encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -160,8 +160,8 @@ def run(
         message = "give --steps N, or --inputs TABLE.csv with one row a step"
         raise typer.BadParameter(message)
     from circuitkit.engine.table import (  # late: see cli/__init__.py
-        csv_lines,
         require_format,
+        run_lines,
         run_table,
         write_run,
     )
@@ -192,7 +192,7 @@ def run(
     elif output is not None:
         note(f"wrote {output}: {result.steps} steps of {result.step_s * 1e3:g} ms")
     else:
-        sys.stdout.writelines(csv_lines(result))
+        sys.stdout.writelines(run_lines(result))
 
 
 def _require_nothing_else(**options: object) -> None:

@@ -58,10 +58,15 @@ _RC: Any = {  # matplotlib has a type for these keys, of several pages
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Matplotlib's settings for our pictures, inside the block only; figures are made and saved in it."""
+    """Matplotlib's settings for our pictures, inside the block only; figures are made and saved in it.
+
+    What the user has set for other pictures, such as TeX for all text, is none of them.
+    """
     import matplotlib as mpl  # 0.2 s, which running a circuit need not wait for
 
-    with mpl.rc_context(_RC):
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_RC)
         yield
 
 

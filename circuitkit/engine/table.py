@@ -15,6 +15,7 @@ import numpy as np
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.files import replacing
 from circuitkit.base.netcdf import write_netcdf
+from circuitkit.base.tables import csv_lines
 from circuitkit.base.units import DIMENSIONLESS, Unit, format_quantity
 from circuitkit.circuit.graph import CircuitGraph, Neuron, Population
 from circuitkit.circuit.memory import require_memory
@@ -28,7 +29,7 @@ from circuitkit.engine.record import select
 from circuitkit.engine.run import run
 
 FORMATS = (".csv", ".nc")
-_CHUNK = 4096  # steps between two reports of progress, and lines that are written at once
+_CHUNK = 4096  # steps between two reports of progress
 
 MOST_NEURONS = 1000  # that are recorded unasked
 Role = Literal["input", "neuron", "output", "state"]
@@ -289,13 +290,9 @@ def write_run(result: RunTable, path: Path) -> None:
         write_netcdf(path, {"circuit": result.circuit}, {TIME: (result.time_s(), {"units": "s"}), **columns})
         return
     with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
-        file.writelines(csv_lines(result))
+        file.writelines(run_lines(result))
 
 
-def csv_lines(result: RunTable) -> Iterator[str]:
-    """Yield the lines of the CSV table, to 15 digits."""
-    yield ",".join((TIME, *(column.name for column in result.columns))) + "\n"
-    every = (result.time_s(), *(column.values for column in result.columns))
-    for start in range(0, result.steps, _CHUNK):  # Python's numbers take four times the memory of an array's
-        for row in zip(*(values[start : start + _CHUNK].tolist() for values in every), strict=True):
-            yield ",".join([f"{value:.15g}" for value in row]) + "\n"
+def run_lines(result: RunTable) -> Iterator[str]:
+    """Yield the lines of the CSV table, several at a time."""
+    return csv_lines({TIME: result.time_s(), **{column.name: column.values for column in result.columns}})

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.errors import MissingDependencyError, UnknownNameError
-from circuitkit.base.files import write_text
+from circuitkit.base.files import replacing
 from circuitkit.base.netcdf import write_netcdf
+from circuitkit.base.tables import csv_lines
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.expressions.dimensions import named_symbol
@@ -219,9 +220,11 @@ class Recording:
         write_netcdf(
             path, attributes, {name: (values, {"units": unit}) for name, (values, unit) in columns.items()}
         )
-        table = np.column_stack([values for values, _ in columns.values()])
-        lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in table)]
-        write_text(folder / "recording.csv", "\n".join(lines) + "\n")
+        with (
+            replacing(folder / "recording.csv") as part,
+            part.open("w", encoding="utf-8", newline="") as file,
+        ):
+            file.writelines(csv_lines({name: values for name, (values, _) in columns.items()}))
         return path
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from circuitkit.base.errors import InputError, MissingDependencyError, Problem
+from circuitkit.base.output_folder import one_run
 from circuitkit.base.progress import progress_bar
 from circuitkit.base.source import describe
 from circuitkit.circuit import CircuitGraph
@@ -63,9 +64,11 @@ def simulate(
     loaded = _loaded(scenario, robot)
     plan = make_plan(loaded, circuit, settings, backend)
     given = controller if controller is not None or circuit is None else CIRCUIT
-    result = _run(plan, plan.controller(given), push, seed, output, progress=progress)
-    if video and output is not None:
-        result = _with_film([result], Path(output) / "video.mp4", progress=progress)
+    folder = None if output is None else Path(output)
+    with one_run(folder):
+        result = _run(plan, plan.controller(given), push, seed, folder, progress=progress)
+        if video and folder is not None:
+            result = _with_film([result], folder / "video.mp4", progress=progress)
     return _shown(result) if view and not result.interrupted else result
 
 
@@ -112,18 +115,20 @@ def compare(
     names = _folder_names(
         [str(c) if isinstance(c, str | Path) else b.name for c, b in zip(controllers, bound, strict=True)]
     )
+    folder = None if output is None else Path(output)
     results = []
-    for each, name in zip(bound, names, strict=True):
-        folder = None if output is None else Path(output) / name
-        results.append(_run(plan, each, push, seed, folder, progress=progress))
-        if results[-1].recording.interrupted:
-            break
-    if output is not None:
-        from circuitkit.simulation.plots import draw_comparison  # 0.1 s, for networkx
+    with one_run(folder):
+        for each, name in zip(bound, names, strict=True):
+            own = None if folder is None else folder / name
+            results.append(_run(plan, each, push, seed, own, progress=progress))
+            if results[-1].recording.interrupted:
+                break
+        if folder is not None:
+            from circuitkit.simulation.plots import draw_comparison  # 0.1 s, for networkx
 
-        draw_comparison(results, Path(output))
-    if video and output is not None:
-        results[-1] = _with_film(results, Path(output) / "video.mp4", progress=progress)
+            draw_comparison(results, folder)
+            if video:
+                results[-1] = _with_film(results, folder / "video.mp4", progress=progress)
     return results
 
 
@@ -183,7 +188,7 @@ def _run(
     controller: Controller,
     push: str | None,
     seed: int | None,
-    output: str | Path | None,
+    output: Path | None,
     *,
     progress: bool,
 ) -> Result:
@@ -196,13 +201,13 @@ def _run(
         recording = run_loop(setup, advance)
     if recording.ticks == 0:
         raise KeyboardInterrupt
-    path = None if output is None else recording.save(Path(output))
+    path = None if output is None else recording.save(output)
     backend = getattr(controller, "backend", "")
     result = Result(scenario, recording, recording.measures[0], path, _unstable(recording), backend)
     if output is not None:
         from circuitkit.simulation.plots import draw_result  # 0.1 s, for networkx
 
-        draw_result(result, Path(output))
+        draw_result(result, output)
     return result
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import OutputError
+from circuitkit.base.output_folder import one_run
 from circuitkit.base.progress import progress_bar
 from circuitkit.simulation.disturbances.delay import Delay
 from circuitkit.simulation.disturbances.noise import Noise
@@ -67,6 +68,20 @@ def sweep(
         KeyboardInterrupt: Ctrl-C came; says what is kept.
     """
     store = Store(Path(folder))
+    with one_run(store.folder, resumed=resume, own=store.names):
+        return _sweep(study, store, workers, scheduler, progress, batch, resume=resume)
+
+
+def _sweep(
+    study: Study,
+    store: Store,
+    workers: int | Workers | None,
+    scheduler: str | None,
+    progress: bool | Progress,
+    batch: int | None,
+    *,
+    resume: bool,
+) -> Results:
     cases = CasesByCell(study)
     known = store.begin(study, cases.inputs(), resume=resume)
     task = Task(study, cases, known)
@@ -87,10 +102,12 @@ def sweep(
     except KeyboardInterrupt:
         count = store.count()
         kept = "1 run is" if count == 1 else f"{count} runs are"
-        message = f"{kept} kept in '{folder}'; --resume (resume=True) goes on with the study"
+        message = f"{kept} kept in '{store.folder}'; --resume (resume=True) goes on with the study"
         raise KeyboardInterrupt(message) from None
     except OutputError as error:
-        message = f"{error}; the runs before are kept in '{folder}', --resume (resume=True) goes on with them"
+        message = (
+            f"{error}; the runs before are kept in '{store.folder}', --resume (resume=True) goes on with them"
+        )
         raise OutputError(message) from error
     return results
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
-from circuitkit.base.files import replacing, write_text
+from circuitkit.base.files import SEAL, replacing, seal, verified, write_text
 from circuitkit.base.reading import read_text
 from circuitkit.study.cases import Outcome
 from circuitkit.study.results import Results, Row, arrow, outcome_of, table_of
@@ -25,6 +25,7 @@ from circuitkit.study.workers import versions
 _FORMAT = 1
 _UNSEEN = ("description",)  # keys of a study that determine no run
 _SHOWN_DIFFERENCES = 6
+_SEAL_KEY = "checksum"  # in the metadata of a Parquet file
 
 
 def manifest_of(study: Study, inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -54,6 +55,11 @@ class Store:
     def results_file(self) -> Path:
         """What a sweep leaves."""
         return self.folder / "results.parquet"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What of a sweep lies in its folder."""
+        return tuple(path.name for path in (self.results_file, self._study_file, self._parts))
 
     @property
     def _study_file(self) -> Path:
@@ -173,11 +179,12 @@ class Store:
         pa = arrow()
         whole = self.results_file.is_file()
         files = [self.results_file] if whole else sorted(self._parts.glob("part-*.parquet"))
+        remedy = "take it away, and --resume runs what it held again"
         for file in files:
             try:
-                table = pa.parquet.read_table(file, partitioning=None)
+                table = pa.parquet.read_table(pa.BufferReader(verified(file, remedy)))
             except (OSError, pa.ArrowException) as error:
-                message = f"cannot read '{file}': {error}; take it away, and --resume runs what it held again"
+                message = f"cannot read '{file}': {error}; {remedy}"
                 raise CircuitkitError(message) from error
             for row in table.to_pylist():
                 yield {
@@ -188,8 +195,11 @@ class Store:
 
     @staticmethod
     def _write(path: Path, table: Any) -> None:  # noqa: ANN401 - pyarrow ships no types
-        with replacing(path) as part:
-            arrow().parquet.write_table(table, part, compression="zstd")
+        metadata = {**(table.schema.metadata or {}), _SEAL_KEY: SEAL}
+        with replacing(path) as part, part.open("wb") as file:
+            arrow().parquet.write_table(table.replace_schema_metadata(metadata), file, compression="zstd")
+            file.flush()
+            seal(part)
 
 
 def read_results(folder: str | Path) -> Results:

@@ -35,7 +35,11 @@ def test_csv_goes_to_standard_output(circuitkit):
     assert (outcome.code, outcome.err) == (0, "")
     header, *rows = [line.split(",") for line in outcome.out.splitlines()]
     assert header == ["time_s", *INPUTS, *NEURONS, "ankle_roll"]
-    assert [row[:3] for row in rows] == [["0", "0", "70"], ["0.01", "0", "70"], ["0.02", "0", "70"]]
+    assert [row[:3] for row in rows] == [
+        ["0.0", "0.0", "70.0"],
+        ["0.01", "0.0", "70.0"],
+        ["0.02", "0.0", "70.0"],
+    ]
 
 
 def test_a_negative_value_and_spaces(circuitkit):
@@ -43,7 +47,7 @@ def test_a_negative_value_and_spaces(circuitkit):
         "run", "binn_lateral", "--input", "zmp_y = -9 cm", "--input", "force_difference=-1", "--steps", "1"
     )
     assert outcome.code == 0
-    assert outcome.out.splitlines()[1].startswith("0,-1,-90,")
+    assert outcome.out.splitlines()[1].startswith("0.0,-1.0,-90.0,")
 
 
 def test_the_file_is_named_afterwards_and_notes_are_on_stderr(circuitkit):
@@ -77,8 +81,8 @@ def test_a_table_of_inputs(circuitkit):
     outcome = circuitkit("run", "binn_lateral", "--inputs", "in.csv")
     assert (outcome.code, outcome.err) == (0, "")
     assert [line.split(",")[:3] for line in outcome.out.splitlines()[1:]] == [
-        ["0", "1", "10"],
-        ["0.01", "1", "20"],
+        ["0.0", "1.0", "10.0"],
+        ["0.01", "1.0", "20.0"],
     ]
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
+import re
+import signal
 import subprocess
 import sys
 import time
@@ -17,6 +19,7 @@ from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends import compiled_backend, new_kernel
 from circuitkit.engine.backends.c import build
 from circuitkit.engine.backends.c.build import BuildError, load_program, unavailable
+from circuitkit.engine.backends.c.cache import cache_folder, warn_once
 from circuitkit.engine.backends.compiled_backend import CompiledKernel
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
 
@@ -135,7 +138,7 @@ def test_a_full_disk_leads_to_numpy(cache, monkeypatch):
     def full(*_args, **_more):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tempfile.TemporaryDirectory", full)
+    monkeypatch.setattr(build, "scratch", full)
     with pytest.raises(BuildError, match=r"the cache cannot be used: .*No space left on device"):
         load_program(SOURCE.format(5))
     assert not list(cache.iterdir())
@@ -170,7 +173,7 @@ def test_two_processes_at_once_do_not_harm_each_other(cache, tmp_path):
 
 
 def test_the_oldest_libraries_go_when_there_are_many(cache, monkeypatch):
-    monkeypatch.setattr(build, "_MAX_KEPT", 2)
+    monkeypatch.setattr("circuitkit.engine.backends.c.cache._MAX_KEPT", 2)
     for i in range(3):
         load_program(SOURCE.format(10 + i))
         for age, path in enumerate(libraries(cache)):
@@ -241,3 +244,147 @@ def test_a_forked_process_can_use_threads_too(monkeypatch, tmp_path):
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout.strip() == repr(float(wanted.sum())), done.stderr
+
+
+@pytest.mark.parametrize("how", ["words", "flag", "path with spaces", "quoted path", "home"])
+@pytest.mark.usefixtures("cache")
+def test_the_compiler_is_what_make_would_run(tmp_path, monkeypatch, how):
+    """A compiler that notes its arguments, as `ccache` does its cache."""
+    folder = tmp_path / "a folder"
+    folder.mkdir()
+    own = folder / "my cc"
+    own.write_text(
+        f'#!/bin/sh\necho "$@" >>"{tmp_path}/called"\ncase $1 in gcc) shift;; esac\nexec gcc "$@"\n'
+    )
+    own.chmod(0o755)
+    monkeypatch.setenv("HOME", str(folder))
+    chosen = {
+        "words": f"'{own}' gcc",
+        "flag": f"'{own}' -m64 -DNAME='a b'",
+        "path with spaces": str(own),
+        "quoted path": f'"{own}"',
+        "home": "'~/my cc'",
+    }[how]
+    monkeypatch.setenv("CC", chosen)
+    assert result(SOURCE.format(20)) == 20
+    called = (tmp_path / "called").read_text()
+    assert called.startswith({"words": "gcc -std", "flag": "-m64 -DNAME=a b -std"}.get(how, "-std"))
+
+
+@pytest.mark.usefixtures("cache")
+@pytest.mark.parametrize(
+    ("chosen", "said"),
+    [
+        ("nothing -m64", "no C compiler was found (looked for 'nothing', as $CC says)"),
+        ("gcc 'x", "cannot read $CC: No closing quotation; found 'gcc 'x'"),
+    ],
+)
+def test_a_compiler_that_is_not_there_is_named_and_no_other_is_taken(monkeypatch, chosen, said):
+    monkeypatch.setenv("CC", chosen)
+    with pytest.raises(BuildError, match=f"^{re.escape(said)}$"):
+        load_program(SOURCE.format(21))
+
+
+def test_a_compiler_that_hangs_is_ended_with_its_children_and_not_tried_again(
+    cache, tmp_path, monkeypatch, caplog
+):
+    hanging = tmp_path / "hang"
+    hanging.write_text(f"#!/bin/sh\nsleep 600 &\necho $! >>{tmp_path}/children\nwait\n")
+    hanging.chmod(0o755)
+    monkeypatch.setenv("CC", str(hanging))
+    monkeypatch.setattr(build, "_LIMIT_S", 0.5)
+    for _ in range(2):
+        with pytest.raises(BuildError, match=r"hang was ended after 0.5 s without a result$"):
+            load_program(SOURCE.format(22))
+    (child,) = (tmp_path / "children").read_text().split()
+    state = Path(f"/proc/{child}/stat")
+    assert not state.exists() or state.read_text().split()[2] == "Z"
+    assert caplog.messages == [f"the compiler {hanging} was ended after 0.5 s without a result"]
+    assert not list(cache.iterdir())
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_process_that_is_ended_while_it_compiles_leaves_nothing(cache, tmp_path, monkeypatch, number):
+    hanging = tmp_path / "hang"
+    hanging.write_text(f"#!/bin/sh\necho half >program.so\ntouch {tmp_path}/begun\nexec sleep 600\n")
+    hanging.chmod(0o755)
+    monkeypatch.setenv("CC", str(hanging))
+    (tmp_path / "a.c").write_text(SOURCE.format(23), encoding="utf-8")
+    words = [sys.executable, "-c", WORK, str(tmp_path / "a.c")]
+    with subprocess.Popen(words, stderr=subprocess.DEVNULL) as process:
+        while not (tmp_path / "begun").exists():
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(number)
+        assert process.wait(timeout=20) == -number
+    assert not list(cache.iterdir())
+
+
+@pytest.mark.parametrize("how", ["mode", "owner", "parent", "owner of the parent", "a file"])
+def test_a_cache_in_which_others_can_put_something_is_not_used(tmp_path, monkeypatch, caplog, how):
+    """`chown` needs root."""
+    if "owner" in how and os.getuid() != 0:
+        pytest.skip("needs root")
+    parent = tmp_path / "parent"
+    folder, private = parent / "cache", tmp_path / "private"
+    if how == "a file":
+        parent.mkdir()
+        folder.write_text("", encoding="utf-8")
+    else:
+        folder.mkdir(parents=True)
+    private.mkdir()
+    target = parent if "parent" in how else folder
+    if "owner" in how:
+        os.chown(target, 12345, -1)
+    elif how != "a file":
+        target.chmod(0o777)
+    monkeypatch.setenv("CIRCUITKIT_CACHE", str(folder))
+    monkeypatch.setattr("tempfile.tempdir", str(private))
+    warn_once.cache_clear()
+    build._library.cache_clear()
+    for i in range(2):
+        assert result(SOURCE.format(30 + i)) == 30 + i
+    (said,) = caplog.messages
+    assert said.startswith(f"the cache '{folder}' is not used: ")
+    assert said.endswith(f"'{private}/circuitkit-{os.getuid()}' is used instead")
+    assert how == "a file" or not list(folder.iterdir())
+
+
+def test_a_folder_above_in_which_all_may_write_is_safe_if_it_is_sticky(tmp_path, monkeypatch, caplog):
+    (tmp_path / "parent").mkdir()
+    (tmp_path / "parent").chmod(0o1777)
+    build._library.cache_clear()
+    monkeypatch.setenv("CIRCUITKIT_CACHE", str(tmp_path / "parent" / "cache"))
+    assert result(SOURCE.format(40)) == 40
+    assert libraries(tmp_path / "parent" / "cache")
+    assert not caplog.messages
+
+
+@pytest.mark.parametrize("how", ["mode", "owner", "link"])
+def test_a_library_that_somebody_else_can_change_is_not_loaded(cache, tmp_path, caplog, how):
+    if how == "owner" and os.getuid() != 0:
+        pytest.skip("needs root")
+    load_program(SOURCE.format(41))
+    (library,) = libraries(cache)
+    if how == "mode":
+        library.chmod(0o777)
+    elif how == "owner":
+        os.chown(library, 12345, -1)
+    else:
+        library.rename(tmp_path / "elsewhere")
+        library.symlink_to(tmp_path / "elsewhere")
+    build._library.cache_clear()
+    assert result(SOURCE.format(41)) == 41
+    assert caplog.messages == [f"the compiled circuit {library} in the cache is damaged; it is made anew"]
+    assert libraries(cache)[0].stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("text", ["~/cache", "relative/cache", ""])
+def test_names_of_the_cache_folder_are_those_of_a_shell(tmp_path, monkeypatch, text):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CIRCUITKIT_CACHE", text)
+    wanted = {"~/cache": "cache", "relative/cache": "relative/cache", "": ".cache/circuitkit"}[text]
+    assert cache_folder() == tmp_path / wanted
+    assert (tmp_path / wanted).stat().st_mode & 0o777 == 0o700

@@ -90,8 +90,8 @@ def test_csv_has_the_columns_of_the_contract(relay, tmp_path):
     rows = list(csv.reader((tmp_path / "new" / "out.csv").read_text(encoding="utf-8").splitlines()))
     assert rows == [
         ["time_s", "zmp_y", "load", "copy", "angle"],
-        ["0", "10", "0.25", "0.51", "0.51"],
-        ["0.02", "10", "0.25", "0.51", "0.51"],
+        ["0.0", "10.0", "0.25", "0.51", "0.51"],
+        ["0.02", "10.0", "0.25", "0.51", "0.51"],
     ]
 
 

@@ -6,6 +6,7 @@ import errno
 import json
 import multiprocessing
 import os
+import shutil
 import signal
 from concurrent.futures import ThreadPoolExecutor
 
@@ -15,7 +16,7 @@ import pytest
 from study.cut import FORCES_N, SEEDS, small_study
 
 from circuitkit.base.errors import CircuitkitError, InputError, SimulationError
-from circuitkit.base.files import OutputError
+from circuitkit.base.files import DamagedFileError, OutputError
 from circuitkit.base.source import data_folder
 from circuitkit.simulation import RunSpec, Scenario, load_scenario, make_plan
 from circuitkit.simulation.loop import run_loop
@@ -306,3 +307,30 @@ def test_a_batch_without_runs_is_refused():
         pytest.raises(CircuitkitError, match=r"found a batch of 0; allowed: 1 or more"),
     ):
         run_studies([small_study()], workers, batch=0)
+
+
+def test_no_flipped_bit_of_what_is_stored_changes_a_value_unnoticed(swept, tmp_path):
+    """A part and the results are written alike; the bits are drawn with a seed."""
+    folder = tmp_path / "sweep"
+    shutil.copytree(swept[0], folder)
+    whole, path = contents(folder), folder / "results.parquet"
+    flipped = np.random.default_rng(0).integers(8 * len(whole), size=3000)
+    for place in flipped:
+        broken = bytearray(whole)
+        broken[place // 8] ^= 1 << place % 8
+        path.write_bytes(broken)
+        with pytest.raises(DamagedFileError, match=r"is damaged: .*; take it away, and --resume runs what"):
+            read_results(folder)
+
+
+@pytest.mark.parametrize("damage", ["cut", "longer", "empty", "no checksum"])
+def test_a_stored_file_that_is_not_what_was_written_is_told(swept, tmp_path, damage):
+    folder = tmp_path / "sweep"
+    shutil.copytree(swept[0], folder)
+    whole, path = contents(folder), folder / "results.parquet"
+    if damage == "no checksum":
+        pyarrow.parquet.write_table(swept[1].table, path)
+    else:
+        path.write_bytes({"cut": whole[:-1], "longer": whole + b"x", "empty": b""}[damage])
+    with pytest.raises(DamagedFileError, match=r"is damaged: .*; take it away, and --resume runs what"):
+        read_results(folder)

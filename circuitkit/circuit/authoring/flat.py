@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.files import replacing
 from circuitkit.base.source import dump_yaml
 from circuitkit.base.units import DIMENSIONLESS, Dimension, Unit, parse_unit
 from circuitkit.circuit.expressions.exact import exact
@@ -260,7 +261,8 @@ def _write_matrix(path: Path, projection: Projection, shape: tuple[int, int]) ->
     arrays: dict[str, Any] = {"indices": projection.sources, "indptr": projection.indptr, "shape": shape}
     if not isinstance(projection.weights, int | float):
         arrays |= {"format": b"csr", "data": projection.weights}
-    np.savez(path, **arrays)
+    with replacing(path) as part:
+        np.savez(part, **arrays)
 
 
 def _described(description: str) -> dict[str, str]:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import difflib
 import re
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, UnitError
-from circuitkit.base.files import replacing
+from circuitkit.base.files import write_text
 from circuitkit.base.reading import read_text
 from circuitkit.base.source import (
     Data,
@@ -84,9 +83,7 @@ class Formatted:
         """
         if not self.changes:
             return
-        with replacing(self.path) as part:
-            part.write_text(self.after, encoding="utf-8", newline="\n")
-            shutil.copymode(self.path, part)
+        write_text(self.path, self.after)
 
 
 def format_file(path_or_name: str | Path) -> Formatted:

@@ -6,6 +6,7 @@ Below them is what judges a claim, and what writes numbers as texts, tables and 
 from __future__ import annotations
 
 import json
+import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from circuitkit.base.files import write_text
+from circuitkit.base.files import SEAL, DamagedFileError, replacing, seal, verified
 
+_LOG = logging.getLogger("circuitkit")
 FINDING_FILE = "finding.json"
 
 
@@ -118,16 +120,22 @@ class Finding:
             OutputError: The file cannot be written.
         """
         path = folder / FINDING_FILE
-        content = {"stamp": stamp, "finding": _for_json(asdict(self))}
-        write_text(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        content = {"checksum": SEAL, "stamp": stamp, "finding": _for_json(asdict(self))}
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        with replacing(path) as part:
+            part.write_bytes(text.encode())
+            seal(part)
         return path
 
     @staticmethod
     def load(folder: Path) -> tuple[Finding, dict[str, Any]] | None:
         """Read the finding of a folder and its stamp; None without one, or without all of its pictures."""
         try:
-            content = json.loads((folder / FINDING_FILE).read_text(encoding="utf-8"))
+            content = json.loads(verified(folder / FINDING_FILE, "the figure is made anew"))
             finding = _finding(content["finding"])
+        except DamagedFileError as error:
+            _LOG.warning("%s", error)
+            return None
         except (OSError, ValueError, KeyError, TypeError):
             return None
         if not all((folder / picture.file).is_file() for picture in finding.pictures):

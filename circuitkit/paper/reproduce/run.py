@@ -14,7 +14,8 @@ from typing import Any
 
 import circuitkit
 from circuitkit.base.errors import CircuitkitError
-from circuitkit.base.files import write_text
+from circuitkit.base.files import make_folder, write_text
+from circuitkit.base.output_folder import one_run
 from circuitkit.base.source import data_folder
 from circuitkit.paper.reproduce.figure import FIGURES, Effort, Job, select
 from circuitkit.paper.reproduce.finding import FINDING_FILE, Finding
@@ -105,9 +106,12 @@ def reproduce(
 
 def _make(job: Job, stamp: Mapping[str, Any]) -> None:
     (job.folder / FINDING_FILE).unlink(missing_ok=True)
-    job.folder.mkdir(parents=True, exist_ok=True)
-    finding = FIGURES[job.figure]().run(job)
-    finding.save(job.folder, **stamp, quick=job.quick)
+    make_folder(job.folder)
+    with one_run(
+        job.folder, deep=False
+    ):  # in its folders are the studies, which know what of them still holds
+        finding = FIGURES[job.figure]().run(job)
+        finding.save(job.folder, **stamp, quick=job.quick)
 
 
 def is_finished(folder: Path, *, quick: bool, stamp: Mapping[str, Any]) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.files import write_text
+from circuitkit.base.tables import csv_line, csv_number
 from circuitkit.draw.style import (
     EXCITATORY,
     GREY,
@@ -45,15 +44,13 @@ def write_table(tuning: Tuning, history: History, path: Path) -> None:
         OutputError: It cannot be written.
     """
     terms = [term.name for term in tuning.spec.terms]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["number", "objective", *terms, *tuning.spec.parameters, "error"])
+    rows: list[list[object]] = [["number", "objective", *terms, *tuning.spec.parameters, "error"]]
     for trial in history.trials:
-        figures = [f"{figure:.9g}" for figure in trial.figures] or [""] * len(terms)
-        value = "" if trial.value is None else f"{trial.value:.9g}"
+        figures = [csv_number(figure) for figure in trial.figures] or [""] * len(terms)
+        value = "" if trial.value is None else csv_number(trial.value)
         values = [trial.settings.get(name, "") for name in tuning.spec.parameters]
-        writer.writerow([trial.number, value, *figures, *values, trial.error])
-    write_text(path, text.getvalue())
+        rows.append([trial.number, value, *figures, *values, trial.error])
+    write_text(path, csv_line(*rows))
 
 
 def draw_history(tuning: Tuning, history: History, best: Trial, size: int, path: Path) -> None:

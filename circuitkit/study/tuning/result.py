@@ -14,7 +14,7 @@ from typing import Any
 
 import circuitkit
 from circuitkit.base.errors import CircuitkitError, InputError, listing, suggest
-from circuitkit.base.files import OutputError, reason, write_text
+from circuitkit.base.files import make_folder, write_text
 from circuitkit.base.reading import read_text
 from circuitkit.base.source import dump_yaml, find_data_file
 from circuitkit.base.source.commented import Collection, Entry, Scalar, read_commented
@@ -83,19 +83,6 @@ def write_result(tuning: Tuning, values: Mapping[str, str], comment: Sequence[st
         text = changed_file(base, {tuning.spec.kind: tuning.spec.result, **values}, comment)
     write_text(path, text)
     return path
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder, if it is not there.
-
-    Raises:
-        OutputError: It cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"cannot write to '{folder}': {reason(error)}"
-        raise OutputError(message) from error
 
 
 def _circuit_text(tuning: Tuning, values: Mapping[str, str], comment: Sequence[str], path: Path) -> str:

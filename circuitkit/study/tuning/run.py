@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
+from circuitkit.base.files import make_folder
+from circuitkit.base.output_folder import one_run
 from circuitkit.base.source import Data, Place, find_data_file, read_yaml
 from circuitkit.base.units import format_quantity
 from circuitkit.circuit import load_circuit
@@ -18,13 +20,14 @@ from circuitkit.study.spec import RMS
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.measure import Measure, Progress, Reporter
 from circuitkit.study.tuning.objective import LIMIT, Score
-from circuitkit.study.tuning.result import folder_of, make_folder, provenance, write_result
+from circuitkit.study.tuning.result import folder_of, provenance, write_result
 from circuitkit.study.tuning.runs import Condition, Runs
 from circuitkit.study.tuning.search import History, Search, Trial, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
 from circuitkit.study.workers import Workers, open_workers
 
 _ALL_DIGITS = 17
+_DATABASE = "trials.db"
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,8 @@ def tune(
     silence_optuna(verbose=verbose)
     search = _search(tuning, parts[TRAIN])
     total = search.rounded(trials or tuning.spec.trials)
-    with open_workers(workers, scheduler) as opened:
+    own = (_DATABASE, f"{_DATABASE}-wal", f"{_DATABASE}-shm")
+    with one_run(folder, resumed=resume, own=own), open_workers(workers, scheduler) as opened:
         reporter = Reporter(total, progress)
         measure = Measure(tuning, parts[TRAIN], opened, reporter.runs)
         history = run_search(
@@ -132,10 +136,10 @@ def tune(
         if not any(trial.value is not None for trial in history.trials) and history.interrupted:
             raise KeyboardInterrupt(kept_in(history, storage or f"'{folder}'"))
         best, confirmed, test = _chosen(tuning, history, parts, opened, reporter)
-    write_table(tuning, history, folder / "trials.csv")
-    for suffix in ("png", "pdf"):
-        draw_history(tuning, history, best, search.size, folder / f"history.{suffix}")
-    write_result(tuning, best.settings, provenance(tuning, history, best, confirmed, test), path)
+        write_table(tuning, history, folder / "trials.csv")
+        for suffix in ("png", "pdf"):
+            draw_history(tuning, history, best, search.size, folder / f"history.{suffix}")
+        write_result(tuning, best.settings, provenance(tuning, history, best, confirmed, test), path)
     start = next((trial for trial in history.trials if trial.number == 0 and trial.value is not None), None)
     kept = kept_in(history, storage or f"'{folder}'") if history.interrupted else ""
     return Tuned(history, best, confirmed, test, start, path, kept)
@@ -195,9 +199,12 @@ def _chosen(
 
 
 def _database(folder: Path) -> str:
-    """The URL of the database in a folder, which is made."""
+    """The URL of the database in a folder, which is made; any name of a folder can be in it."""
+    from sqlalchemy import URL  # comes with Optuna
+
     make_folder(folder)
-    return f"sqlite:///{folder.resolve() / 'trials.db'}"
+    url = URL.create("sqlite", database=str(folder.resolve() / _DATABASE))
+    return url.render_as_string(hide_password=False)
 
 
 def _search(tuning: Tuning, runs: Sequence[Runs]) -> Search:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+import optuna
 import pytest
 from small_tuning import written
 
@@ -19,7 +20,7 @@ from circuitkit.study.tuning import result as result_module
 from circuitkit.study.tuning.measure import Measure, Progress
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.result import write_result
-from circuitkit.study.tuning.run import Tuned, start_of, tune
+from circuitkit.study.tuning.run import Tuned, _database, start_of, tune
 from circuitkit.study.tuning.search import Candidate
 from circuitkit.study.tuning.spec import load_tuning
 
@@ -188,3 +189,14 @@ def test_what_cannot_be_written_faithfully_is_not_written(tmp_path, monkeypatch)
     with pytest.raises(result_module.ResultError, match="please report"):
         write_result(tuning, {"w": "-1 deg"}, [], tmp_path / "x.yaml")
     assert not (tmp_path / "x.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["out_20%cells", "out?a=b", "a#b;c", "{x}", "ä ö", "a&b=c", "[1]", "%(here)s"]
+)
+def test_a_database_lies_in_the_folder_whatever_its_name(tmp_path, name):
+    folder = tmp_path / name
+    storage = optuna.storages.RDBStorage(_database(folder))
+    optuna.create_study(storage=storage, study_name="small")
+    assert (folder / "trials.db").stat().st_size > 0
+    assert [each.name for each in tmp_path.iterdir()] == [name]

@@ -1,9 +1,4 @@
-"""C source to a loaded library: the system's compiler, and a cache of what it has made.
-
-A library is called `KEY-SUM.so`: KEY is the hash of everything that it depends on, SUM that of its own
-content. So it appears with one renaming, several processes can make it at once, and a damaged one is noticed
-before it is loaded.
-"""
+"""C source to a loaded library by the system's compiler, or out of the cache of what it has made."""
 
 from __future__ import annotations
 
@@ -11,18 +6,22 @@ import ctypes
 import hashlib
 import importlib.machinery
 import importlib.util
-import logging
 import os
 import platform
+import shlex
 import shutil
-import stat
+import signal
 import subprocess
 import sys
 import sysconfig
-import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+
+from circuitkit.base.files import scratch
+from circuitkit.engine.backends.c.cache import cache_folder, find_library, keep_library, warn_once
 
 HERE = Path(__file__).parent
 HEADERS = tuple(sorted(HERE.glob("*.h")))
@@ -38,8 +37,7 @@ _FLAGS = (
     "-fno-tree-vectorize",  # vectors are written out: packed stores and gathered loads beyond them cost time
 )
 _NATIVE = "-march=native"
-_MAX_KEPT = 1000
-_LOG = logging.getLogger("circuitkit")
+_LIMIT_S = 120.0  # for one source; a large circuit takes some seconds
 
 
 class BuildError(Exception):
@@ -52,8 +50,10 @@ def unavailable() -> str:
         return f"the compiled backend knows no compiler of {platform.system()}"
     if not (Path(sysconfig.get_path("include")) / "Python.h").is_file():
         return "the headers of Python (Python.h) are not installed"
-    if _compiler() is None:
-        return "no C compiler was found (looked for $CC, cc, gcc, clang)"
+    try:
+        _compiler()
+    except BuildError as error:
+        return str(error)
     return ""
 
 
@@ -105,60 +105,75 @@ def _built(source: str, flags: list[str]) -> Path:
     if reason := unavailable():
         raise BuildError(reason)
     try:
-        folder = _cache_folder()
-        key = _key(source, flags)
-        return _found(folder, key) or _compiled(folder, key, source, flags)
+        folder, key = cache_folder(), _key(source, flags)
+        if (path := find_library(folder, key)) is not None:
+            return path
+        with scratch(folder, is_folder=True) as place:
+            (place / "program.c").write_text(source, encoding="utf-8")
+            _compile(place, "program.so", flags)
+            return keep_library(folder, key, place / "program.so")
     except OSError as error:
         message = f"the cache cannot be used: {error}"
         raise BuildError(message) from error
 
 
-def _cache_folder() -> Path:
-    """Return the folder of the cache; one of the temporary folder if it cannot be written."""
-    chosen = os.environ.get("CIRCUITKIT_CACHE")
-    home = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    folder = Path(chosen) if chosen else Path(home).expanduser() / "circuitkit"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    except (OSError, RuntimeError):
-        pass
-    return _private_folder()
-
-
-def _private_folder() -> Path:
-    """Make a folder of the user's own: what lies there is run, so nobody else may write to it."""
-    folder = Path(tempfile.gettempdir()) / f"circuitkit-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode) or found.st_mode & 0o022:
-        message = f"{folder} is not a folder of this user alone"
-        raise PermissionError(message)
-    return folder
-
-
 def _key(source: str, flags: list[str]) -> str:
     headers = [path.read_text(encoding="utf-8") for path in HEADERS]
-    parts = (source, *headers, *_FLAGS, *_more_flags(), *flags, *_compiler_identity(), _processor(), _abi())
+    parts = (
+        source,
+        *headers,
+        *_FLAGS,
+        *_words("CIRCUITKIT_CFLAGS"),
+        *flags,
+        *_compiler_identity(),
+        _processor(),
+        _abi(),
+    )
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 
 
-def _more_flags() -> list[str]:
-    return os.environ.get("CIRCUITKIT_CFLAGS", "").split()
+def _words(variable: str) -> list[str]:
+    """The words of a variable as a shell, and with it make, reads them.
+
+    Raises:
+        BuildError: A quotation has no end.
+    """
+    text = os.environ.get(variable, "")
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        message = f"cannot read ${variable}: {error}; found '{text}'"
+        raise BuildError(message) from error
 
 
-def _compiler() -> str | None:
-    """Return path of the compiler."""
-    names = (*os.environ.get("CC", "").split()[:1], "cc", "gcc", "clang")
-    return next((path for name in names if (path := shutil.which(name))), None)
+def _compiler() -> list[str]:
+    """Return the compiler's command: the words of `$CC`, of which the first exists, or a usual one.
+
+    A path with spaces that has no quotation marks is taken as it is, if a program is there.
+
+    Raises:
+        BuildError: There is none.
+    """
+    chosen = os.environ.get("CC", "").strip()
+    whole = str(Path(chosen).expanduser()) if chosen else ""
+    words = [whole] if whole and shutil.which(whole) else _words("CC")
+    for first, *others in [words] if words else [["cc"], ["gcc"], ["clang"]]:
+        if path := shutil.which(os.path.expanduser(first)):  # noqa: PTH111 - a name without a folder stays one
+            return [path, *others]
+    looked = f"'{words[0]}', as $CC says" if words else "$CC, cc, gcc, clang"
+    message = f"no C compiler was found (looked for {looked})"
+    if words:
+        warn_once(message)
+    raise BuildError(message)
 
 
-def _compiler_identity() -> tuple[str, ...]:
-    """Changes when another compiler is installed, without running it."""
-    path = Path(_compiler() or "").resolve()
-    found = path.stat()
-    return str(path), str(found.st_size), str(found.st_mtime_ns)
+def _compiler_identity() -> Iterator[str]:
+    """Changes when another compiler is installed, without running it; all programs that `$CC` names count."""
+    for word in _compiler():
+        yield word
+        if path := shutil.which(word):
+            found = Path(path).resolve().stat()
+            yield from (str(found.st_size), str(found.st_mtime_ns))
 
 
 @cache
@@ -177,54 +192,55 @@ def _abi() -> str:
     return f"{sys.version_info[:2]} {sysconfig.get_config_var('SOABI')}"
 
 
-def _found(folder: Path, key: str) -> Path | None:
-    """Return the library of a key, if it is whole."""
-    for path in folder.glob(f"{key}-*.so"):
-        if path.stem == f"{key}-{_sum(path)}":
-            os.utime(path)
-            return path
-        _LOG.warning("the compiled circuit %s in the cache is damaged; it is made anew", path)
-        path.unlink(missing_ok=True)
-    return None
-
-
-def _sum(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
-    except OSError:
-        return ""
-
-
-def _compiled(folder: Path, key: str, source: str, flags: list[str]) -> Path:
-    with tempfile.TemporaryDirectory(prefix="building-", dir=folder) as name:
-        made = Path(name) / "program.so"
-        (Path(name) / "program.c").write_text(source, encoding="utf-8")
-        _compile(Path(name), made.name, flags)
-        path = folder / f"{key}-{_sum(made)}.so"
-        made.replace(path)
-    _prune(folder)
-    return path
-
-
 def _compile(folder: Path, target: str, flags: list[str]) -> None:
     """Run the compiler; once more without the flag that not all know, if it fails."""
     reason = ""
+    compiler = _compiler()
     for native in ([_NATIVE], []):
-        before = [_compiler() or "cc", *_FLAGS, *native, *_more_flags()]
+        before = [*compiler, *_FLAGS, *native, *_words("CIRCUITKIT_CFLAGS")]
         command = [*before, f"-I{HERE}", "program.c", "-o", target, *flags]
-        done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
-        )
-        if done.returncode == 0 and (folder / target).is_file():
+        status, said = _run(command, folder)
+        if status == 0 and (folder / target).is_file():
             return
-        lines = sorted(done.stderr.strip().splitlines(), key=lambda line: "error" not in line)
-        reason = next(iter(lines), f"exit status {done.returncode}")
-    message = f"the compiler {command[0]} failed: {reason}"
+        lines = sorted(said.strip().splitlines(), key=lambda line: "error" not in line)
+        reason = next(iter(lines), f"exit status {status}")
+    message = f"the compiler {shlex.join(compiler)} failed: {reason}"
     raise BuildError(message)
 
 
-def _prune(folder: Path) -> None:
-    """Remove what has not been used for longest, if there is much."""
-    kept = sorted(folder.glob("*-*.so"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
-    for path in kept[_MAX_KEPT:]:
-        path.unlink(missing_ok=True)
+_hanging: set[str] = set()
+
+
+def _run(command: list[str], folder: Path) -> tuple[int, str]:
+    """Run a command in a folder, which also takes its temporary files: its exit status and complaints.
+
+    It is ended with all processes that it started when it takes too long, and when this one is interrupted.
+
+    Raises:
+        BuildError: It took too long, now or earlier.
+    """
+    message = f"the compiler {command[0]} was ended after {_LIMIT_S:g} s without a result"
+    if command[0] in _hanging:
+        raise BuildError(message)
+    with subprocess.Popen(
+        command,
+        cwd=folder,
+        env={**os.environ, "TMPDIR": str(folder)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    ) as process:
+        try:
+            _, said = process.communicate(timeout=_LIMIT_S)
+        except BaseException as error:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)
+            if not isinstance(error, subprocess.TimeoutExpired):
+                raise
+            _hanging.add(command[0])
+            warn_once(message)
+            raise BuildError(message) from error
+    return process.returncode, said
