@@ -14,6 +14,7 @@ from circuitkit.base.source import describe
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Controller
 from circuitkit.robots import Robot, load_robot
+from circuitkit.robots.validity import invalidates
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import Setup, run_loop
 from circuitkit.simulation.plan import CIRCUIT, OPEN_LOOP, Plan, make_plan
@@ -198,7 +199,7 @@ def _run(
         raise KeyboardInterrupt
     path = None if output is None else recording.save(Path(output))
     backend = getattr(controller, "backend", "")
-    result = Result(scenario, recording, recording.measures[0], path, _unstable(recording), backend)
+    result = Result(scenario, recording, recording.measures[0], path, _of_the_physics(recording), backend)
     if output is not None:
         from circuitkit.simulation.plots import draw_result  # 0.1 s, for networkx
 
@@ -219,12 +220,14 @@ def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) ->
         raise InputError(*problems) from error
 
 
-def _unstable(recording: Recording) -> tuple[str, ...]:
-    """A note if MuJoCo could not go on."""
-    if not recording.lost[0]:
-        return ()
-    advice = "a smaller timestep, less stiff servos or more damping may help"
-    return (f"the simulation became unstable at {recording.ended_s():.3f} s; {advice}",)
+def _of_the_physics(recording: Recording) -> tuple[str, ...]:
+    """Notes of why the run is invalid if it is, and of what else MuJoCo warned of."""
+    mild = {kind: count for kind, count in recording.warnings[0].items() if not invalidates(kind)}
+    notes = [f"MuJoCo warned {count} times of {kind}" for kind, count in mild.items()]
+    if (why := recording.invalid[0]) is not None:
+        advice = "a smaller timestep, less stiff servos or more damping may help"
+        notes.insert(0, f"invalid {why}; what is recorded ends there; {advice}")
+    return tuple(notes)
 
 
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:
