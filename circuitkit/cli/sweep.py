@@ -108,6 +108,8 @@ def sweep(
         print_json(_as_data(results, output, axes))
         return
     _print_found(results, axes)
+    for remark in results.remarks():
+        note(remark)
     note(f"wrote {(output or Path()) / 'results.parquet'}: {counted(len(results.rows), 'run')}")
 
 
@@ -118,6 +120,7 @@ def _as_data(results: Results, folder: Path | None = None, by: Sequence[str] | N
         "study": results.study.name,
         "runs": len(results.rows),
         "results": None if folder is None else str(folder / "results.parquet"),
+        "remarks": list(results.remarks()),
     }
     if search is None or by is not None:
         data["shares"] = [_of_share(share) for share in results.shares(by)]
@@ -211,11 +214,6 @@ def _print_found(results: Results, by: Sequence[str] | None = None) -> None:
         *((">holds again at",) if holes else ()),
     )
     print_table(f"{study.name}: {search.field}", headings, found)
-    for limit in limits:
-        if limit.hole:
-            where = "".join(f"{name} {text}, " for name, text in limit.texts.items())
-            tried = ", ".join(f"{written(t.value)} {t.survived} of {t.runs}" for t in limit.hole)
-            note(f"{where}not monotonic: {search.condition} at {tried}, and more above")
 
 
 def _last(path: str) -> str:

@@ -209,8 +209,9 @@ class Tracker:
         if len(readings) == 0:
             return newly
         begin, self.done = self.done, self.done + len(readings)
-        for i, observer in enumerate(self._observers):
-            self._values[begin : self.done, :, i] = observer(readings)[..., 0]
+        with np.errstate(all="ignore"):  # an exploded state is found below
+            for i, observer in enumerate(self._observers):
+                self._values[begin : self.done, :, i] = observer(readings)[..., 0]
         self._commands[begin : self.done] = commands
         self._find_bad_numbers(begin, readings, commands, qpos)
 

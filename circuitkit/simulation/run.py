@@ -122,7 +122,8 @@ def compare(
     if output is not None:
         from circuitkit.simulation.plots import draw_comparison  # 0.1 s, for networkx
 
-        draw_comparison(results, Path(output))
+        with np.errstate(all="ignore"):  # as in `_run`
+            draw_comparison(results, Path(output))
     if video and output is not None:
         results[-1] = _with_film(results, Path(output) / "video.mp4", progress=progress)
     return results
@@ -197,14 +198,18 @@ def _run(
         recording = run_loop(setup, advance)
     if recording.ticks == 0:
         raise KeyboardInterrupt
-    path = None if output is None else recording.save(Path(output))
     backend = getattr(controller, "backend", "")
-    result = Result(scenario, recording, recording.measures[0], path, _of_the_physics(recording), backend)
-    if output is not None:
-        from circuitkit.simulation.plots import draw_result  # 0.1 s, for networkx
+    result = Result(
+        scenario, recording, recording.measures[0], None, _of_the_physics(recording), backend
+    )  # fmt: skip
+    if output is None:
+        return result
+    from circuitkit.simulation.plots import draw_result  # 0.1 s, for networkx
 
+    with np.errstate(all="ignore"):  # an exploded state is told of otherwise
+        path = recording.save(Path(output))
         draw_result(result, Path(output))
-    return result
+    return replace(result, path=path)
 
 
 def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) -> Setup:

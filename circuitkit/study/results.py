@@ -10,8 +10,8 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import circuitkit
-from circuitkit.base.errors import CircuitkitError, MissingDependencyError
-from circuitkit.base.units import parse_quantity
+from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.base.units import format_quantity, parse_quantity
 from circuitkit.study.cases import Case, Outcome
 from circuitkit.study.search import Verdict, boundary, verdict, verdicts_of_one
 from circuitkit.study.spec import INVALID, RESERVED, RMS, Cell, Label, Study
@@ -400,6 +400,28 @@ class Results:
             interval, means = wilson_interval(count, known), self._means(group, condition)
             unknown = held.count(None) - invalid
             found.append(Share(labels, texts, count, known, interval, means, invalid, unknown))
+        return tuple(found)
+
+    def remarks(self) -> tuple[str, ...]:
+        """What does not show in numbers: runs that are invalid, and searches that saw holes."""
+        found = []
+        if invalid := [str(row[INVALID]) for row in self.rows if row.get(INVALID) is not None]:
+            found.append(
+                f"{len(invalid)} of {len(self.rows)} runs are invalid and count as neither held nor failed; "
+                f"the first {invalid[0]}"
+            )
+        if (search := self.study.search) is None:
+            return tuple(found)
+        for limit in self.limits():
+            if limit.holds_again:
+                where = "".join(f"{name} {text}, " for name, text in limit.texts.items())
+                tried, again = (
+                    listing(
+                        f"{format_quantity(t.value, search.unit)} ({t.survived} of {t.runs})" for t in each
+                    )
+                    for each in (limit.hole, limit.holds_again)
+                )
+                found.append(f"{where}there is a hole: it does not hold at {tried}, but again at {again}")
         return tuple(found)
 
     def _means(self, rows: Sequence[Row], condition: str) -> dict[str, float]:
