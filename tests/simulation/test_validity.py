@@ -9,11 +9,11 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-from small_robots import CART, CART_FILE, small_model
+from small_robots import CART, CART_FILE, small_model, small_robot
 
 from circuitkit.cli.main import main
 from circuitkit.robots.validity import KINDS, invalidates
-from circuitkit.simulation import load_scenario, make_plan, simulate
+from circuitkit.simulation import Scenario, load_scenario, make_plan, simulate
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import run_and_watch, run_loop
 from circuitkit.study import make_study, sweep
@@ -168,3 +168,25 @@ def test_limits_tell_holes_and_what_nobody_knows():
         "6 of 30 runs are invalid and count as neither held nor failed; the first at 2.010 s: x",
         "there is a hole: it does not hold at 36 N (2 of 6), but again at 44 N (6 of 6)",
     )
+
+
+def test_energy_and_joint_speed_are_those_of_a_swinging_pole(tmp_path):
+    """Nothing is damped: the energy grows by the motor's 1.5 N times the cart's way."""
+    robot = small_robot(tmp_path, CART, **{**CART_FILE, "key": "swung", "hold": {}})
+    found = simulate(
+        Scenario(
+            robot=robot, control_step="2 ms", duration="2 s", valid="joint_speed() < 50 rad/s",
+            measures={
+                "first": "first(energy())", "gain": "last(energy()) - first(energy())",
+                "error": "max(abs(energy() - first(energy()) - 1.5 N * (place - first(place))))",
+                "same": "max(abs(joint_speed() - abs(rate(hinge))))",
+            },
+        )
+    )  # fmt: skip
+    assert found.invalid is None
+    assert found.measures["same"] == 0.0
+    assert found.measures["gain"] > 1.0
+    assert found.measures["error"] < 0.02 * found.measures["gain"]
+    # The cart is 1 m above the ground; the pole's middle, with its centre of mass, half a metre below.
+    start = 9.81 * (2 * 1 + 0.5 * (1 - 0.5 * np.cos(0.5)))
+    assert found.measures["first"] == pytest.approx(start, rel=1e-3)
