@@ -305,7 +305,10 @@ def _arrows(axes: Axes, x: Array, y: Array, colour: str) -> None:
 def _frame(axes: Axes, x: Array, y: Array) -> None:
     """Limits around the curve with a margin."""
     for values, setter in ((x, axes.set_xlim), (y, axes.set_ylim)):
-        low, high = widened(float(values.min()), float(values.max()), _LEAST_FRAME)
+        known = values[np.isfinite(values)]
+        if not len(known):
+            continue
+        low, high = widened(float(known.min()), float(known.max()), _LEAST_FRAME)
         margin = 0.08 * (high - low)
         setter(low - margin, high + margin)
 

@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
+from circuitkit.base.errors import CircuitkitError
 from circuitkit.cli.printing import note, print_json, print_table
 
 if TYPE_CHECKING:
@@ -50,6 +53,8 @@ def finish(
         note(f"--set changes no run: it is for the controller circuit, and here is only {named}")
     if any(row["interrupted"] for row in rows):
         raise KeyboardInterrupt
+    if any(row["invalid"] for row in rows):
+        raise typer.Exit(CircuitkitError.exit_code)
 
 
 def _print_results(results: Sequence[Result]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -107,6 +108,8 @@ def sweep(
         print_json(_as_data(results, output, axes))
         return
     _print_found(results, axes)
+    for remark in results.remarks():
+        note(remark)
     note(f"wrote {(output or Path()) / 'results.parquet'}: {counted(len(results.rows), 'run')}")
 
 
@@ -117,6 +120,7 @@ def _as_data(results: Results, folder: Path | None = None, by: Sequence[str] | N
         "study": results.study.name,
         "runs": len(results.rows),
         "results": None if folder is None else str(folder / "results.parquet"),
+        "remarks": list(results.remarks()),
     }
     if search is None or by is not None:
         data["shares"] = [_of_share(share) for share in results.shares(by)]
@@ -131,6 +135,10 @@ def _as_data(results: Results, folder: Path | None = None, by: Sequence[str] | N
             "runs": limit.runs,
             "interval": list(limit.interval),
             "fails_at": limit.fails_at,
+            "unknown_at": limit.unknown_at,
+            "holds_again": [asdict(each) for each in limit.holds_again],
+            "hole": [asdict(each) for each in limit.hole],
+            "tried": [asdict(each) for each in limit.tried],
         }
         for limit in results.limits()
     ]
@@ -143,6 +151,8 @@ def _of_share(share: Share) -> dict[str, Any]:
         "share": share.share,
         "survived": share.survived,
         "runs": share.runs,
+        "invalid": share.invalid,
+        "unknown": share.unknown,
         "interval": list(share.interval),
         "means": dict(share.means),
     }
@@ -153,29 +163,46 @@ def _print_found(results: Results, by: Sequence[str] | None = None) -> None:
     study, search = results.study, results.study.search
     if search is None or by is not None:
         shares = results.shares(by)
+        apart = {
+            name: each
+            for name, each in {
+                ">invalid": [share.invalid for share in shares],
+                ">unknown": [share.unknown for share in shares],
+            }.items()
+            if any(each)
+        }
         rows = (
             (
                 *share.texts.values(),
                 f"{share.survived} of {share.runs}",
                 _percents(share.interval),
+                *(str(each[number]) for each in apart.values()),
                 *("-" if math.isnan(mean) else f"{mean:.4g}" for mean in share.means.values()),
             )
-            for share in shares
+            for number, share in enumerate(shares)
         )
         means = [f">{name}" for name in shares[0].means]
         title = f"{study.name}{', means of the other measures in SI units' if means else ''}"
-        print_table(title, (*shares[0].texts, ">survived", "95 % interval", *means), rows)
+        print_table(title, (*shares[0].texts, ">survived", "95 % interval", *apart, *means), rows)
         return
-    unit = search.unit
+    unit, limits = search.unit, results.limits()
+    unknown = any(limit.unknown_at is not None for limit in limits)
+    holes = any(limit.holds_again for limit in limits)
+
+    def written(value: float | None) -> str:
+        return "-" if value is None else format_quantity(value, unit)
+
     found = (
         (
             *limit.texts.values(),
-            format_quantity(limit.largest, unit),
+            written(limit.largest),
             f"{limit.survived} of {limit.runs}",
             _percents(limit.interval),
-            "-" if limit.fails_at is None else format_quantity(limit.fails_at, unit),
+            written(limit.fails_at),
+            *((written(limit.unknown_at),) if unknown else ()),
+            *((", ".join(written(each.value) for each in limit.holds_again) or "-",) if holes else ()),
         )
-        for limit in results.limits()
+        for limit in limits
     )
     headings = (
         *study.axes,
@@ -183,6 +210,8 @@ def _print_found(results: Results, by: Sequence[str] | None = None) -> None:
         f">{search.condition}",
         "95 % interval",
         ">fails at",
+        *((">unknown at",) if unknown else ()),
+        *((">holds again at",) if holes else ()),
     )
     print_table(f"{study.name}: {search.field}", headings, found)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from circuitkit.base.errors import SimulationError
 from circuitkit.control import ControllerSpec
 from circuitkit.simulation import Moment, Plan, Recording, Reference, RunSpec, Scenario
 from circuitkit.simulation.disturbances.push import Push
@@ -22,8 +23,14 @@ def record(plan: Plan, controller: str | ControllerSpec, specs: Sequence[RunSpec
 
     Raises:
         InputError: A name is unknown, or the controller does not fit the robot.
+        SimulationError: A run is invalid: it can show nothing.
     """
-    return run_loop(plan.setup(plan.controller(controller), specs))
+    recording = run_loop(plan.setup(plan.controller(controller), specs))
+    for spec, why in zip(recording.specs, recording.invalid, strict=True):
+        if why is not None:
+            message = f"the run of '{plan.scenario.scenario}' with seed {spec.seed} is invalid {why}"
+            raise SimulationError(message)
+    return recording
 
 
 def without_pushes(plan: Plan, seed: int | None = None) -> RunSpec:

@@ -4,6 +4,7 @@ from circuitkit.robots.channels import Channel, Observer
 from circuitkit.robots.model import Command, RobotModel, build_model
 from circuitkit.robots.spec import Robot, load_robot, shipped_robots
 from circuitkit.robots.start import StartState
+from circuitkit.robots.validity import quiet_mujoco
 from circuitkit.robots.worlds import Worlds
 
 __all__ = [
@@ -18,3 +19,5 @@ __all__ = [
     "load_robot",
     "shipped_robots",
 ]
+
+quiet_mujoco()

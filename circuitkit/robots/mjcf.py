@@ -57,13 +57,15 @@ def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
 
 
 def compile_mjcf(spec: Any, path: Path) -> mujoco.MjModel:  # noqa: ANN401 - as above
-    """Compile what was read.
+    """Compile what was read; the model never sets an exploded state back by itself.
 
     Raises:
         InputError: MuJoCo refuses it; says why.
     """
     with _said_by_mujoco(path):
-        return _or_complain(path, "MuJoCo refuses the model", spec.compile)
+        model = _or_complain(path, "MuJoCo refuses the model", spec.compile)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return model
 
 
 def _read_names(spec: Any) -> list[str]:  # noqa: ANN401 - as above

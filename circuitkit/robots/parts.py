@@ -465,4 +465,24 @@ def _contact(sensors: Sensors, arguments: Arguments) -> Meaning:
     return Meaning(value, _dimension("N"))
 
 
+@_reference("energy()", 0)
+def _energy(sensors: Sensors, _: Arguments) -> Meaning:
+    """The mechanical energy of everything: potential, of weights and springs, and kinetic."""
+    kinds = (_SENSOR.mjSENS_E_POTENTIAL, _SENSOR.mjSENS_E_KINETIC)
+    parts = [column(sensors.add(kind, _OBJECT.mjOBJ_UNKNOWN, "")) for kind in kinds]
+    return Meaning(_sum(parts), _dimension("J"))
+
+
+@_reference("joint_speed()", 0)
+def _joint_speed(sensors: Sensors, _: Arguments) -> Meaning:
+    """The largest angular speed of all hinges."""
+    hinges = [n for n, each in sensors.named("joint").items() if each.type == mujoco.mjtJoint.mjJNT_HINGE]
+    if not hinges:
+        message = "the MJCF has no hinge; allowed: rate(NAME) of a slide, or velocity(BODY, axis)"
+        raise ExpressionError(message)
+    rates = [column(sensors.add(_SENSOR.mjSENS_JOINTVEL, _OBJECT.mjOBJ_JOINT, name)) for name in hinges]
+    speeds: list[Expression] = [_call("abs", rate) for rate in rates]
+    return Meaning(reduce(lambda one, more: _call("max", one, more), speeds), _dimension("rad/s"))
+
+
 ARITIES: Mapping[str, tuple[int, int]] = {name: reference.arity for name, reference in _REFERENCES.items()}

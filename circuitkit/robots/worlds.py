@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from mujoco.batch import SimulationError as StepError
 from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
 from circuitkit.robots.channels import Array
 from circuitkit.robots.model import RobotModel
 from circuitkit.robots.start import StartState
+from circuitkit.robots.validity import INVALIDATES, KINDS, first_fault
 
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _WHOLE = 1e-6  # far below a time step
-_LOST = [int(kind) for kind in (
-    mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC,
-)]  # fmt: skip
 
 
 def substeps_of(robot: RobotModel, step_s: float) -> int:
@@ -98,6 +97,8 @@ class Worlds:
         self.sleeps = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))
         self.physics = Batch(model, batch, nthread=count, persistent=self.sleeps)
         self._warned = self.physics.warning.tobytes()
+        self._inherited = np.zeros((batch, len(KINDS)), dtype=np.int64)
+        self._failed: dict[int, str] = {}
         # Arrays of one shape are added and compared in a quarter of the time that broadcasting takes.
         self._targets, self._last_target = targets[:, np.newaxis], len(targets) - 1
         self._mixing, limits = _mixing(robot, commands)
@@ -130,7 +131,7 @@ class Worlds:
 
     def begin(self) -> None:
         """Work out the readings at the start, once the state is what it shall be."""
-        self.physics.forward()
+        self._run(self.physics.forward)
 
     def start_state(self) -> Array:
         """The state of every world now, right after `begin`; for `restart`. Shape (B, n)."""
@@ -168,18 +169,33 @@ class Worlds:
         turned: Array = self._pose.xmat[body].reshape(3, 3).copy()
         return turned
 
-    def newly_lost(self) -> NDArray[np.bool_] | None:
-        """Whose positions, velocities or accelerations are no numbers, or huge: MuJoCo has set them back.
+    def new_faults(self) -> Mapping[int, str] | None:
+        """Whose physics has become invalid since the last call, and why; see `validity`.
 
         Returns:
-            Shape (B,); None if MuJoCo has warned of nothing since the last call.
+            By the robots' numbers; None if MuJoCo has warned of nothing since the last call.
         """
         warned = self.physics.warning.tobytes()  # comparing bytes costs a tenth of looking into the array
-        if warned == self._warned:
+        if warned == self._warned and not self._failed:
             return None
+        now = self.physics.warning
+        known = np.frombuffer(self._warned, dtype=now.dtype).reshape(now.shape)[..., 1]
         self._warned = warned
-        lost: NDArray[np.bool_] = (self.physics.warning[:, _LOST, 1] > 0).any(axis=1)
-        return lost if self._leaders is None else lost | lost[self._leaders]
+        faulty = ((now[..., 1] > known) & INVALIDATES).any(axis=1)
+        model = self.robot.model
+        faults = {int(i): first_fault(model, now[i], known[i]) for i in np.flatnonzero(faulty)}
+        faults |= self._failed
+        self._failed = {}
+        if self._leaders is not None:
+            led = {i: faults[leader] for i, leader in enumerate(self._leaders.tolist()) if leader in faults}
+            faults = led | faults
+        return faults
+
+    @property
+    def warnings(self) -> NDArray[np.int64]:
+        """How often MuJoCo has warned of each robot so far, by kind; shape (B, K), see `validity.KINDS`."""
+        own: NDArray[np.int64] = self.physics.warning[..., 1] + self._inherited
+        return own if self._leaders is None else own[self._leaders]
 
     def stop(self, robots: NDArray[np.bool_]) -> None:
         """From now on time stands still for these robots, of all of them; shape (B,).
@@ -202,7 +218,8 @@ class Worlds:
         if self._leaders is None:
             self.readings = self._sensed.copy()
         else:
-            moved = leaders != self._leaders
+            moved, counts = leaders != self._leaders, self.warnings
+            self._inherited[moved] = (counts - self.physics.warning[..., 1])[moved]
             self.physics.state[moved] = self.physics.state[self._leaders[moved]]
         self._leaders = leaders.copy()
         self._choose()
@@ -236,14 +253,21 @@ class Worlds:
             np.add(self._ctrl, self._targets[np.minimum(tick, self._last_target), 0], self._ctrl)
         if self._skips:
             self._flags.fill(self._seeing | _NO_SENSORS)
-            self.physics.step(self._stepped, self._substeps - 1)
+            self._run(self.physics.step, self._stepped, self._substeps - 1)
             self._flags.fill(self._seeing)
-            self.physics.step(self._stepped)
+            self._run(self.physics.step, self._stepped)
         else:
-            self.physics.step(self._stepped, self._substeps)
+            self._run(self.physics.step, self._stepped, self._substeps)
         if self._leaders is not None:
             np.take(self._sensed, self._leaders, axis=0, out=self.readings, mode="clip")
             np.copyto(self.qpos, self.qpos[self._leaders])
+
+    def _run(self, call: Callable[..., None], *arguments: object) -> None:
+        """Have MuJoCo do something; a robot with which it fails stays as it was, the others go on."""
+        try:
+            call(*arguments)
+        except StepError as error:
+            self._failed |= {int(i): f"MuJoCo cannot go on: {self.physics.error(int(i))}" for i in error.ids}
 
 
 def _sensors_remember(model: mujoco.MjModel) -> bool:

@@ -163,17 +163,15 @@ class Formula:
             found = _spelled_out(self.tree, track, values).evaluate(values, functions)
         return np.broadcast_to(np.asarray(found, dtype=np.float64), track.shape)
 
-    def holds(self, track: Callable[[int], Track], begin: int, firsts: list[Array]) -> NDArray[np.bool_]:
-        """Whether a condition holds, in the ticks from `begin` on; shape (n, B).
+    def since(self, track: Callable[[int], Track], begin: int, firsts: list[Array]) -> Array:
+        """Its value in the ticks from `begin` on; shape (n, B).
 
         Args:
             track: The run of all robots from a tick on.
             begin: The first tick that is asked for.
             firsts: What is remembered from one call to the next.
         """
-        if self.looks_back:
-            return holds_where(self.series(track(0))[begin:])
-        return holds_where(self.series(track(begin), firsts))
+        return self.series(track(0))[begin:] if self.looks_back else self.series(track(begin), firsts)
 
     def window_that_never_comes(self, ticks: int, step_s: float) -> Call | None:
         """The first window of plain times in which a run has no tick, as nothing is ever known of it."""

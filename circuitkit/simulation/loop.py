@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Array, Controller, checked_step
 from circuitkit.robots import Channel, Observer, RobotModel, Worlds
+from circuitkit.robots.validity import counts_by_kind
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.effects import Effects, Hook
 from circuitkit.simulation.measures import Judge, Tracker
@@ -76,12 +77,25 @@ class _Rows:
         self.commands = np.empty((length, batch, len(controller.commands)))
         self.trace = np.empty((length, batch, len(setup.trace_names)))
 
-    def since(self, begin: int, end: int) -> tuple[Array, Array]:
-        """Readings and commands of the ticks from `begin` to before `end`, at most L of them."""
+    def since(self, begin: int, end: int) -> tuple[Array, Array, Array]:
+        """Readings, commands and positions of the ticks from `begin` to before `end`, at most L of them."""
+        every = (self.readings, self.commands, self.qpos)
         if end <= self.length:
-            return self.readings[begin:end], self.commands[begin:end]
+            return every[0][begin:end], every[1][begin:end], every[2][begin:end]
         rows = np.arange(begin, end) % self.length
-        return self.readings[rows], self.commands[rows]
+        return every[0][rows], every[1][rows], every[2][rows]
+
+    def keep_up_to(self, tracker: Tracker) -> int:
+        """Leave out what comes after a robot's physics has become invalid: it is no number from then on.
+
+        Returns:
+            How many ticks there are of the robot with the most.
+        """
+        lasts = [tracker.last_valid(robot) for robot in range(len(tracker.ended))]
+        for robot in np.flatnonzero(tracker.broken).tolist():
+            for each in (self.readings, self.qpos, self.observations, self.commands, self.trace):
+                each[lasts[robot] : tracker.done, robot] = np.nan
+        return max(lasts)
 
 
 def run_loop(
@@ -109,6 +123,7 @@ def run_loop(
     except KeyboardInterrupt:
         interrupted = True
     tracker.look(*rows.since(tracker.done, done))
+    done = rows.keep_up_to(tracker)
     return Recording(
         robot=setup.robot, motion=setup.motion, specs=setup.specs, effects=setup.effects,
         controller=controller.name, circuit=setup.circuit, step_s=setup.step_s, judge=setup.judge,
@@ -116,7 +131,8 @@ def run_loop(
         commands=rows.commands[:done], trace=rows.trace[:done],
         observation_names=tuple(controller.observations), command_names=tuple(controller.commands),
         trace_names=setup.trace_names, interrupted=interrupted,
-        measures=tracker.measures(), end_tick=tracker.end_tick, lost=tracker.lost,
+        measures=tracker.measures(), end_tick=tracker.end_tick, invalid=tuple(tracker.invalid),
+        warnings=tuple(map(counts_by_kind, worlds.warnings)),
     )  # fmt: skip
 
 
@@ -252,17 +268,18 @@ def _ticks(
 
 
 class _Watch:
-    """Looks from time to time at who has ended, and at once where MuJoCo has lost somebody.
+    """Looks from time to time at who has ended, and at once where MuJoCo warns that physics is invalid.
 
     Attributes:
-        still: For whom time stands still, since only the measures count; None for nobody.
+        still: For whom time stands still, since only the measures count or their physics has become invalid;
+            None for nobody.
     """
 
     def __init__(
         self, setup: Setup, worlds: Worlds, rows: _Rows, tracker: Tracker, *, to_the_end: bool
     ) -> None:
         self._worlds, self._rows, self._tracker, self._to_the_end = worlds, rows, tracker, to_the_end
-        # Where nothing but a loss ends a run, measures may wait, as long as the rows are kept.
+        # Where nothing but becoming invalid ends a run, looking may wait, as long as the rows are kept.
         self._every = _LOOK_EVERY if setup.judge.until is not None else rows.length
         self._last = setup.ticks - 1
         self._after = 0 if to_the_end else round(_AFTER_END_S / setup.step_s)
@@ -270,19 +287,24 @@ class _Watch:
 
     def is_over(self, tick: int) -> bool:
         """Whether this was the last tick."""
-        if (lost := self._worlds.newly_lost()) is not None:
-            self._tracker.lose(lost, tick)
-        if lost is not None or tick % self._every == 0 or tick == self._last:
+        if faults := self._worlds.new_faults():
+            self._tracker.invalidate(faults, tick)
+        if faults or tick % self._every == 0 or tick == self._last:
             self._look(tick)
         return tick >= self._last
 
     def _look(self, tick: int) -> None:
-        newly = self._tracker.look(*self._rows.since(self._tracker.done, tick + 1))
-        if self._to_the_end and newly.any():
-            self.still = self._tracker.ended
-            self._worlds.stop(self.still)
-        if self._tracker.ended.all():
-            self._last = min(self._last, int(self._tracker.seen_tick.max()) + self._after)
+        tracker = self._tracker
+        tracker.look(*self._rows.since(tracker.done, tick + 1))
+        still = tracker.broken
+        if self._to_the_end:
+            still |= tracker.ended
+        if still.any() and (self.still is None or (still != self.still).any()):
+            self.still = still
+            self._worlds.stop(still)
+        if tracker.ended.all():
+            shown = np.where(tracker.broken, 0, self._after)
+            self._last = min(self._last, int((tracker.seen_tick + shown).max()))
 
 
 def _do(hooks: Sequence[Hook], tick: int, what: Any) -> None:  # noqa: ANN401 - worlds or an array

@@ -15,8 +15,11 @@ from circuitkit.base.source import FileModel
 from circuitkit.base.units import Unit
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel
+from circuitkit.robots.parts import sensor_at
+from circuitkit.robots.validity import bad_position, bad_reading
 from circuitkit.simulation.effects import Effects
 from circuitkit.simulation.formulas import Formula, Track, Value
+from circuitkit.simulation.reductions import holds_where
 from circuitkit.simulation.reference import Motion
 
 
@@ -74,12 +77,14 @@ class Judge:
         formulas: Measures that are expressions, by name.
         kinds: Measures of plug-ins.
         until: What ends the run; None for nothing.
+        valid: What must hold all the time, or the run is invalid; None for nothing.
         ranges: Bounds of channels, [SI].
     """
 
     formulas: Mapping[str, Formula] = field(default_factory=dict)
     kinds: tuple[BoundMeasure, ...] = ()
     until: Formula | None = None
+    valid: Formula | None = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -97,7 +102,7 @@ class Judge:
         """Everything that it needs of a run."""
         needed = [name for formula in self.formulas.values() for name in formula.channels]
         needed += [name for each in self.kinds for name in each.channels]
-        needed += self.until.channels if self.until else ()
+        needed += [name for each in (self.until, self.valid) if each for name in each.channels]
         return tuple(dict.fromkeys(needed))
 
     def bounds(self, name: str, values: Callable[[str], Array]) -> tuple[Any, Any] | None:
@@ -121,14 +126,14 @@ def located(error: ExpressionError, place: Callable[[str, int], Problem]) -> Inp
 
 
 class Tracker:
-    """Keeps the channels that measures need, and sees who has ended.
+    """Keeps the channels that measures need, and sees who has ended, and whose physics has become invalid.
 
     Attributes:
-        ended: Who has ended; shape (B,).
+        ended: Who has ended, one way or the other; shape (B,).
         end_tick: In which tick; -1 who has not; shape (B,).
         seen_tick: When that was seen; shape (B,).
         done: How many ticks it knows.
-        lost: Whose simulation became unstable, which ended it; shape (B,).
+        invalid: When and why a robot's run became invalid, which ended it; None where it did not.
     """
 
     def __init__(
@@ -155,7 +160,7 @@ class Tracker:
         """
         batch = effects.batch
         self._judge, self._effects, self._motion = judge, effects, motion
-        self._step_s = step_s
+        self._robot, self._step_s = robot, step_s
         sensed = [name for name in judge.channels if name in robot.channels]
         # One by one, so that no bit of a measure depends on what else is measured.
         self._observers = [Observer(robot.channels, [name]) for name in sensed]
@@ -167,20 +172,35 @@ class Tracker:
         self.end_tick = np.full(batch, -1)
         self.seen_tick = np.full(batch, -1)
         self.done = 0
-        self.lost: NDArray[np.bool_] = np.zeros(batch, dtype=bool)
-        self._lost_tick = np.full(batch, ticks)
+        self.invalid: list[str | None] = [None] * batch
+        self._faults = [""] * batch
+        self._fault_tick = np.full(batch, ticks)
         self._firsts: list[Array] = []
+        self._firsts_of_valid: list[Array] = []
 
-    def lose(self, robots: NDArray[np.bool_], tick: int) -> None:
-        """The simulation of these robots became unstable in a tick; shape (B,)."""
-        self._lost_tick[robots] = np.minimum(self._lost_tick[robots], tick)
+    @property
+    def broken(self) -> NDArray[np.bool_]:
+        """Whose physics has become invalid."""
+        found: NDArray[np.bool_] = self._fault_tick < self.done
+        return found
 
-    def look(self, readings: Array, commands: Array) -> NDArray[np.bool_]:
+    def last_valid(self, robot: int) -> int:
+        """How many ticks of a robot there are up to the one in which its physics became invalid."""
+        return min(int(self._fault_tick[robot]) + 1, self.done)
+
+    def invalidate(self, faults: Mapping[int, str], tick: int) -> None:
+        """The physics of these robots became invalid in a tick; the first reason counts."""
+        for robot, why in faults.items():
+            if tick < self._fault_tick[robot]:
+                self._fault_tick[robot], self._faults[robot] = tick, why
+
+    def look(self, readings: Array, commands: Array, qpos: Array) -> NDArray[np.bool_]:
         """Take the ticks since the last look, and see who has ended in them.
 
         Args:
             readings: Shape (n, B, s).
             commands: Shape (n, B, m).
+            qpos: Shape (n, B, nq).
 
         Returns:
             Who has; shape (B,).
@@ -189,25 +209,64 @@ class Tracker:
         if len(readings) == 0:
             return newly
         begin, self.done = self.done, self.done + len(readings)
-        for i, observer in enumerate(self._observers):
-            self._values[begin : self.done, :, i] = observer(readings)[..., 0]
+        with np.errstate(all="ignore"):  # an exploded state is found below
+            for i, observer in enumerate(self._observers):
+                self._values[begin : self.done, :, i] = observer(readings)[..., 0]
         self._commands[begin : self.done] = commands
+        self._find_bad_numbers(begin, readings, commands, qpos)
+
+        def track(first: int) -> Track:
+            return self._track(slice(None), first, self.done)
+
+        if self._judge.valid is not None:
+            value = self._judge.valid.since(track, begin, self._firsts_of_valid)
+            text = f"'{self._judge.valid.text}' does not hold"
+            self._find(begin, np.equal(value, 0.0)[..., np.newaxis], lambda _: text)
         if self._judge.until is not None:
-
-            def track(first: int) -> Track:
-                return self._track(slice(None), first, self.done)
-
-            holds = self._judge.until.holds(track, begin, self._firsts)
+            holds = holds_where(self._judge.until.since(track, begin, self._firsts))
             newly = holds.any(axis=0) & ~self.ended
             self.end_tick[newly] = begin + holds[:, newly].argmax(axis=0)
-        if (self._lost_tick < self.done).any():
-            lost = (self._lost_tick < np.where(newly, self.end_tick, self.done)) & ~self.ended
-            self.end_tick[lost] = self._lost_tick[lost]
-            self.lost |= lost
-            newly |= lost
+        if (self._fault_tick < self.done).any():
+            newly |= self._end_the_invalid(newly)
         self.seen_tick[newly] = self.done - 1
         self.ended |= newly
         return newly
+
+    def _find_bad_numbers(self, begin: int, readings: Array, commands: Array, qpos: Array) -> None:
+        """Find who has numbers that are not finite."""
+        model, names = self._robot.model, list(self._command_place)
+        kinds: tuple[tuple[Array, Callable[[int], str]], ...] = (
+            (qpos, lambda column: bad_position(model, column)),
+            (readings, lambda column: bad_reading(model, sensor_at(model, column))),
+            (commands, lambda column: f"the command '{names[column]}' is not finite"),
+        )
+        for values, words in kinds:
+            finite = np.isfinite(values)
+            if not finite.all():
+                self._find(begin, ~finite, words)
+
+    def _find(self, begin: int, bad: NDArray[np.bool_], why: Callable[[int], str]) -> None:
+        """Invalidate who is bad, from the first tick on in which a column is; shape (n, B, columns)."""
+        for robot in np.flatnonzero(bad.any(axis=(0, 2))).tolist():
+            tick = int(bad[:, robot].any(axis=1).argmax())
+            self.invalidate({robot: why(int(bad[tick, robot].argmax()))}, begin + tick)
+
+    def _end_the_invalid(self, ending: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """End the runs that have become invalid before they end otherwise, or in the same tick.
+
+        Args:
+            ending: Who has just been ended by `until`; shape (B,).
+
+        Returns:
+            Whose runs are ended so; shape (B,).
+        """
+        before = np.where(ending, self.end_tick, self.done - 1)
+        found: NDArray[np.bool_] = (self._fault_tick <= before) & ~self.ended
+        self.end_tick[found] = self._fault_tick[found]
+        for robot in np.flatnonzero(found).tolist():
+            time_s = (int(self.end_tick[robot]) + 1) * self._step_s
+            self.invalid[robot] = f"at {time_s:.3f} s: {self._faults[robot]}"
+        return found
 
     def track(self, robot: int) -> Track:
         """One robot's run up to its end."""
@@ -215,13 +274,22 @@ class Tracker:
         return self._track(robot, 0, last)
 
     def measures(self) -> tuple[Mapping[str, Value], ...]:
-        """The measures of every robot."""
-        return tuple(self._judge(self.track(i)) for i in range(len(self.ended)))
+        """The measures of every robot; none has a value where the run is invalid."""
+        nothing: dict[str, Value] = dict.fromkeys(self._judge.units)
+        return tuple(
+            self._judge(self.track(i)) if why is None else nothing for i, why in enumerate(self.invalid)
+        )
 
-    def effort(self) -> tuple[dict[str, float], ...]:
-        """Root mean square of every command up to the end, without the tick in which it ended; SI units."""
-        found = []
+    def effort(self) -> tuple[dict[str, float | None], ...]:
+        """Root mean square of every command up to the end, without the tick in which it ended; SI units.
+
+        None where the run is invalid.
+        """
+        found: list[dict[str, float | None]] = []
         for i in range(len(self.ended)):
+            if self.invalid[i] is not None:
+                found.append(dict.fromkeys(self._command_place))
+                continue
             last = int(self.end_tick[i]) if self.ended[i] else self.done
             spent = np.ascontiguousarray(self._commands[:last, i].T)
             values = [float(np.sqrt(np.square(each).mean())) if last else 0.0 for each in spent]

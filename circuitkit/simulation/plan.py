@@ -173,16 +173,23 @@ class Plan:
             for name, text in self.scenario.formulas.items()
         }
         self._require_that_it_comes(formulas[SURVIVED])
-        until = self.scenario.until
         if not formulas["survived"].is_condition:
             text = self.scenario.formulas["survived"]
             message = f"found '{text}', a number; allowed: a condition, such as max(speed) < 2 m/s"
             raise InputError(self.scenario.problem_in("measures", "survived", message, 0))
-        ends = None if until is None else _formula(self.scenario, ("until", ""), until, units, bounded)
-        if ends is not None and not ends.is_condition:
-            message = f"found '{until}'; allowed: a condition, such as height < 0.2 m"
-            raise InputError(self.scenario.problem_in("until", "", message, 0))
-        return Judge(formulas, kinds, ends, ranges)
+        until, valid = (self._condition(key, units, bounded) for key in ("until", "valid"))
+        return Judge(formulas, kinds, until, valid, ranges)
+
+    def _condition(self, key: str, units: Mapping[str, Unit], bounded: set[str]) -> Formula | None:
+        """The condition that the scenario has below a key, if it has one."""
+        text = getattr(self.scenario, key)
+        if text is None:
+            return None
+        found = _formula(self.scenario, (key, ""), text, units, bounded)
+        if not found.is_condition:
+            message = f"found '{text}'; allowed: a condition, such as height < 0.2 m"
+            raise InputError(self.scenario.problem_in(key, "", message, 0))
+        return found
 
     def _require_that_it_comes(self, survived: Formula) -> None:
         """Refuse to judge by a window in which the run has no tick: nobody would ever be said to survive."""
@@ -345,6 +352,7 @@ def _plant(
     calls: dict[str, Any] = {}
     for key, name, text in [
         ("until", "", scenario.until or ""),
+        ("valid", "", scenario.valid or ""),
         *(("measures", *m) for m in scenario.formulas.items()),
     ]:
         if text:

@@ -328,13 +328,17 @@ def shown_unit(values: Array, unit: Unit) -> tuple[float, str]:
 
 
 def _way(result: Result) -> Array | None:
-    """Where the robot's base went, forward and left; shape (T, 2). None of a robot that cannot go about."""
+    """Where the robot's base went, forward and left, as far as that is known; shape (T, 2).
+
+    None of a robot that cannot go about, or of which it is never known.
+    """
     base = MobileBase(result.recording.robot)
     if base.places.keys() != {0, 1}:
         return None
     positions = result.recording.qpos[: len(_time(result)), 0]
     way: Array = positions[:, [base.places[0], base.places[1]]] * [base.signs[0], base.signs[1]]
-    return way
+    known: Array = way[np.isfinite(way).all(axis=1)]
+    return known if len(known) else None
 
 
 def _obstacles(result: Result) -> Iterator[tuple[int, Array, Array]]:

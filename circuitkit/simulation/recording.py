@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -57,9 +57,11 @@ class Recording:
         command_names: The m commands.
         trace_names: The n names.
         measures: The measures of each robot.
-        end_tick: In which tick `until` ended it; -1 if it did not; shape (B,).
+        end_tick: In which tick `until` ended it, or it became invalid; -1 if neither; shape (B,).
         interrupted: Whether the run was stopped before its end.
-        lost: Whose simulation became unstable, which ended it; shape (B,).
+        invalid: When and why a robot's run became invalid, which ended it; None where it did not. Its rows
+            after that are no numbers.
+        warnings: How often MuJoCo warned of each robot, by kind.
     """
 
     robot: RobotModel
@@ -81,7 +83,8 @@ class Recording:
     measures: tuple[Mapping[str, Value], ...]
     end_tick: NDArray[np.int64]
     interrupted: bool = False
-    lost: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
+    invalid: tuple[str | None, ...] = (None,)
+    warnings: tuple[Mapping[str, int], ...] = ({},)
 
     @property
     def ticks(self) -> int:
@@ -94,7 +97,7 @@ class Recording:
         return np.arange(1.0, self.ticks + 1) * self.step_s
 
     def ended_s(self, robot: int = 0) -> float | None:
-        """When `until` ended a robot's run; None if it did not."""
+        """When `until` ended a robot's run, or it became invalid; None if neither."""
         tick = int(self.end_tick[robot])
         return None if tick < 0 else (tick + 1) * self.step_s
 
@@ -217,6 +220,8 @@ class Recording:
             attributes |= getattr(block, "attributes", {})
         # NetCDF 3 has no whole numbers beyond 2^31, which a seed may be.
         attributes |= {"interrupted": int(self.interrupted), "seed": str(self.specs[robot].seed)}
+        if (why := self.invalid[robot]) is not None:
+            attributes["invalid"] = why
         write_netcdf(
             path, attributes, {name: (values, {"units": unit}) for name, (values, unit) in columns.items()}
         )

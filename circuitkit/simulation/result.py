@@ -43,8 +43,16 @@ class Result:
     interrupted: bool = False
 
     @property
+    def invalid(self) -> str | None:
+        """When and why the physics became invalid, which ended the run; None if it did not.
+
+        Nobody knows then what a robot would have done, and no measure has a value.
+        """
+        return self.recording.invalid[0]
+
+    @property
     def survived(self) -> bool:
-        """Whether the robot got through; not if that is not known, since `survived` has no value."""
+        """Whether the robot got through; not if that is not known: it has no value, or the run is invalid."""
         return bool(self.measures[SURVIVED])
 
     @property
@@ -60,14 +68,14 @@ class Result:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in words.
+        """How it ended, in words; that it is invalid, if it is.
 
         A block of the robot's file may have words for a run that got to its end and for one that `until`
         ended; where the scenario judges by a measure `survived` of its own, the run passed or failed.
         """
         recording, words = self.recording, self._words
         if (ended := recording.ended_s()) is not None:
-            why = "" if recording.lost[0] else self._why
+            why = "" if self.invalid else self._why
             return f"{self.ending} at {ended:.2f} s{why}"
         if recording.interrupted:
             stopped = f"interrupted at {recording.ticks * recording.step_s:.2f} s"
@@ -83,11 +91,11 @@ class Result:
 
     @property
     def ending(self) -> str:
-        """What happened when `until` ended it, in a word such as `fell`; empty where it did not."""
+        """What happened when it ended early, in a word such as `fell` or `invalid`; empty if it did not."""
         if self.recording.ended_s() is None:
             return ""
-        if self.recording.lost[0]:
-            return "became unstable"
+        if self.invalid:
+            return "invalid"
         if self.survived:
             return "ended"
         return self._words[1] if self._words else "ended" if self._plain else "failed"
@@ -118,6 +126,8 @@ class Result:
                 "direction": first.direction,
                 "pushes": len(self.pushes),
             },
+            "invalid": self.invalid,
+            "warnings": dict(self.recording.warnings[0]),
             **self.measures,
             "interrupted": self.interrupted or self.recording.interrupted,
             "notes": list(self.notes),

@@ -15,6 +15,7 @@ from circuitkit.base.source import describe
 from circuitkit.circuit import CircuitGraph
 from circuitkit.control import Controller
 from circuitkit.robots import Robot, load_robot
+from circuitkit.robots.validity import invalidates
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import Setup, run_loop
 from circuitkit.simulation.plan import CIRCUIT, OPEN_LOOP, Plan, make_plan
@@ -126,7 +127,8 @@ def compare(
         if folder is not None:
             from circuitkit.simulation.plots import draw_comparison  # 0.1 s, for networkx
 
-            draw_comparison(results, folder)
+            with np.errstate(all="ignore"):  # as in `_run`
+                draw_comparison(results, folder)
             if video:
                 results[-1] = _with_film(results, folder / "video.mp4", progress=progress)
     return results
@@ -201,14 +203,18 @@ def _run(
         recording = run_loop(setup, advance)
     if recording.ticks == 0:
         raise KeyboardInterrupt
-    path = None if output is None else recording.save(output)
     backend = getattr(controller, "backend", "")
-    result = Result(scenario, recording, recording.measures[0], path, _unstable(recording), backend)
-    if output is not None:
-        from circuitkit.simulation.plots import draw_result  # 0.1 s, for networkx
+    result = Result(
+        scenario, recording, recording.measures[0], None, _of_the_physics(recording), backend
+    )  # fmt: skip
+    if output is None:
+        return result
+    from circuitkit.simulation.plots import draw_result  # 0.1 s, for networkx
 
+    with np.errstate(all="ignore"):  # an exploded state is told of otherwise
+        path = recording.save(output)
         draw_result(result, output)
-    return result
+    return replace(result, path=path)
 
 
 def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) -> Setup:
@@ -224,12 +230,14 @@ def _setup(plan: Plan, controller: Controller, spec: RunSpec, *, given: bool) ->
         raise InputError(*problems) from error
 
 
-def _unstable(recording: Recording) -> tuple[str, ...]:
-    """A note if MuJoCo could not go on."""
-    if not recording.lost[0]:
-        return ()
-    advice = "a smaller timestep, less stiff servos or more damping may help"
-    return (f"the simulation became unstable at {recording.ended_s():.3f} s; {advice}",)
+def _of_the_physics(recording: Recording) -> tuple[str, ...]:
+    """Notes of why the run is invalid if it is, and of what else MuJoCo warned of."""
+    mild = {kind: count for kind, count in recording.warnings[0].items() if not invalidates(kind)}
+    notes = [f"MuJoCo warned {count} times of {kind}" for kind, count in mild.items()]
+    if (why := recording.invalid[0]) is not None:
+        advice = "a smaller timestep, less stiff servos or more damping may help"
+        notes.insert(0, f"invalid {why}; what is recorded ends there; {advice}")
+    return tuple(notes)
 
 
 def _with_film(results: Sequence[Result], path: Path, *, progress: bool) -> Result:

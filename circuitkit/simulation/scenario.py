@@ -215,6 +215,9 @@ class Scenario(FileModel, metaclass=_TakesObjects):
     duration: Seconds = Field(gt=0, le=LONGEST_S, description="How long the run lasts.")
     disturbances: Any = ()
     until: str | None = Field(default=None, description="Condition that ends the run.")
+    valid: str | None = Field(
+        default=None, description="Condition that holds in any run that is possible; else the run is invalid."
+    )
     measures: Any = Field(default_factory=dict)
     seed: int = Field(default=0, ge=0, lt=INTEGERS_END, description="Seed of everything random.")
 

@@ -109,7 +109,7 @@ class ReplayModel:
         recorded = recording.robot.model
         self.model = film_model(recording.robot, width, height)
         self.data = mujoco.MjData(self.model)
-        self._qpos = recording.qpos[:, robot]
+        self._qpos = _poses(recording, robot)
         self._bodies = [
             self.model.body(recorded.body(i).name).id if recorded.body(i).name else i
             for i in range(recorded.nbody)
@@ -168,6 +168,19 @@ class ReplayModel:
         half_angle = np.radians(self.model.cam_fovy[self.fixed_camera]) / 2
         away = np.linalg.norm(self.data.cam_xpos[self.fixed_camera] - self.data.xipos[self._body])
         return float(min(_ARROW_SIZES * self.size_m, _ARROW_SHARE * 2 * away * np.tan(half_angle)))
+
+
+def _poses(recording: Recording, robot: int) -> Array:
+    """Positions by tick; from where the run became invalid on, those before: what came is no pose."""
+    poses: Array = recording.qpos[:, robot]
+    if recording.invalid[robot] is None and np.isfinite(poses).all():
+        return poses
+    found, last = poses.copy(), recording.motion.start_qpos
+    end = recording.ticks if recording.invalid[robot] is None else int(recording.end_tick[robot])
+    for tick in range(len(found)):
+        last = poses[tick] if tick < end and np.isfinite(poses[tick]).all() else last
+        found[tick] = last
+    return found
 
 
 def _ground(model: mujoco.MjModel) -> float:

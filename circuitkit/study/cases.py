@@ -20,7 +20,7 @@ from circuitkit.simulation.effects import require_before
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.plan import Body, Circuits, make_body
 from circuitkit.simulation.scenario import LONGEST_S
-from circuitkit.study.spec import RMS
+from circuitkit.study.spec import INVALID, RMS
 
 FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
 _NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself
@@ -70,7 +70,7 @@ class Case:
     @cached_property
     def body_key(self) -> str:
         """The same for cases whose robot and its motion are the same."""
-        names = {"servo_profile", "duration", "control_step", "until"}
+        names = {"servo_profile", "duration", "control_step", "until", "valid"}
         changing = [(each.kind, each) for each in self.scenario.befalling if each.changes_model]
         files = [
             content
@@ -124,18 +124,20 @@ class Outcome:
         seed: Its seed.
         values: The scenario's measures, and `rms_COMMAND`, the root mean square of every command of the
             controller up to the end, [SI unit]; None for what has no value.
+        invalid: When and why its physics became invalid, so that nothing has a value; None if it did not.
     """
 
     seed: int
     values: Mapping[str, Value]
+    invalid: str | None = None
 
     @property
-    def survived(self) -> bool:
+    def survived(self) -> bool | None:
         """Whether the robot got through; see `holds`."""
         return self.holds("survived")
 
-    def holds(self, measure: str) -> bool:
-        """Whether a measure is true; not if it has no value, since then nobody knows.
+    def holds(self, measure: str) -> bool | None:
+        """Whether a measure is true; None if it has no value, as in an invalid run, since then nobody knows.
 
         Raises:
             UnknownNameError: There is no such measure; lists those there are.
@@ -148,11 +150,11 @@ class Outcome:
         if value is not None and not isinstance(value, bool):
             message = f"found the measure '{measure}', which is a number; allowed: one that is true or false"
             raise CircuitkitError(message)
-        return bool(value)
+        return value
 
     def row(self) -> dict[str, Any]:
         """The outcome as columns."""
-        return {"seed": self.seed, **self.values}
+        return {"seed": self.seed, INVALID: self.invalid, **self.values}
 
 
 def plan_of(case: Case) -> Plan:

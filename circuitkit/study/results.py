@@ -10,11 +10,11 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import circuitkit
-from circuitkit.base.errors import CircuitkitError, MissingDependencyError
-from circuitkit.base.units import parse_quantity
+from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.base.units import format_quantity, parse_quantity
 from circuitkit.study.cases import Case, Outcome
-from circuitkit.study.search import allowed_failures, boundary
-from circuitkit.study.spec import RESERVED, RMS, Cell, Label, Study
+from circuitkit.study.search import Verdict, boundary, verdict, verdicts_of_one
+from circuitkit.study.spec import INVALID, RESERVED, RMS, Cell, Label, Study
 
 if TYPE_CHECKING:
     import pyarrow
@@ -79,7 +79,8 @@ def row_of(study: Study, run: Run) -> dict[str, Any]:
 
 def outcome_of(study: Study, row: Row) -> Outcome:
     """What became of the run of a row."""
-    return Outcome(int(row["seed"]), {name: row[name] for name in measures_in(study, [row])})
+    values = {name: row[name] for name in measures_in(study, [row])}
+    return Outcome(int(row["seed"]), values, row.get(INVALID))
 
 
 def arrow() -> Any:  # noqa: ANN401 - a module that ships no types
@@ -107,7 +108,7 @@ def table_of(study: Study, rows: Sequence[Row]) -> pyarrow.Table:
     fields = [_labelled(pa, study, axis) for axis in study.axes]
     if study.search is not None:
         fields.append(_with_unit(pa.field(study.search.field, pa.float64()), study.search.step))
-    fields.append(pa.field("seed", pa.int64()))
+    fields += [pa.field("seed", pa.int64()), pa.field(INVALID, pa.string())]
     fields += [pa.field(name, _type_of(pa, name, rows)) for name in measures_in(study, rows)]
     fields += [pa.field(name, pa.string()) for name in ("scenario", "version", "key")]
     columns = [pa.array([row.get(field.name) for row in rows], type=field.type) for field in fields]
@@ -160,14 +161,18 @@ def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tupl
 class Share:
     """In how many runs of a cell a condition held, and the means of all measures.
 
+    Runs of which nobody knows whether it held are counted apart, and are no part of the share.
+
     Attributes:
         labels: Value by axis: a number in SI units, or a text.
         texts: The same as the study has it written.
         survived: In how many runs the condition held: that the robot survived, unless asked for another.
-        runs: How many there were.
+        runs: Of how many runs it is known whether it held.
         interval: Wilson's interval of the share, 95 %.
         means: Mean of each other measure over the runs that have a value, [SI unit]; of conditions it is the
             share of the runs in which they held; not a number where no run has a value.
+        invalid: How many further runs are invalid, since their physics exploded.
+        unknown: How many further runs are valid, but have no value for the condition.
     """
 
     labels: Mapping[str, Label]
@@ -176,11 +181,35 @@ class Share:
     runs: int
     interval: tuple[float, float]
     means: Mapping[str, float] = field(default_factory=dict)
+    invalid: int = 0
+    unknown: int = 0
 
     @property
     def share(self) -> float:
         """The share of the runs in which it held; not a number without runs."""
         return self.survived / self.runs if self.runs else math.nan
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A value that a search has tried.
+
+    Attributes:
+        value: The value, [SI unit].
+        verdict: Whether it `holds` or `fails` by the share that the search asks for; `unknown` where too many
+            runs are invalid or have no value; `open` where some seeds were not run.
+        survived: In how many runs the condition held.
+        runs: Of how many runs it is known whether it held.
+        invalid: How many further runs are invalid.
+        unknown: How many further runs are valid, but have no value for the condition.
+    """
+
+    value: float
+    verdict: Verdict
+    survived: int
+    runs: int
+    invalid: int
+    unknown: int
 
 
 @dataclass(frozen=True)
@@ -192,10 +221,11 @@ class Limit:
         texts: The same as the study has it written.
         largest: That value, [SI unit]; 0 if it did not even hold for the smallest.
         survived: In how many runs at `largest` it held.
-        runs: How many there were.
+        runs: Of how many runs there it is known.
         interval: Wilson's interval of the share in which it holds at `largest`, 95 %.
         fails_at: The smallest value for which it did not hold, [SI unit]; None if it did for all.
         each: The largest value for which it held with each seed, where that was searched; else nothing.
+        tried: All values that were tried, the smallest first.
     """
 
     labels: Mapping[str, Label]
@@ -206,6 +236,29 @@ class Limit:
     interval: tuple[float, float]
     fails_at: float | None
     each: tuple[float, ...] = ()
+    tried: tuple[Tried, ...] = ()
+
+    @property
+    def unknown_at(self) -> float | None:
+        """The smallest value of which it is unknown whether it holds, as runs are invalid or tell nothing."""
+        return next((each.value for each in self.tried if each.verdict == "unknown"), None)
+
+    @property
+    def holds_again(self) -> tuple[Tried, ...]:
+        """Values above one that does not hold for which it holds nevertheless: there is a hole below them."""
+        found = self._above_the_boundary()
+        return tuple(each for each in found if each.verdict == "holds")
+
+    @property
+    def hole(self) -> tuple[Tried, ...]:
+        """Values that do not hold, or of which it is unknown, below one that holds; the smallest first."""
+        above = self._above_the_boundary()
+        last = max((i for i, each in enumerate(above) if each.verdict == "holds"), default=0)
+        return tuple(each for each in above[:last] if each.verdict in {"fails", "unknown"})
+
+    def _above_the_boundary(self) -> tuple[Tried, ...]:
+        first = next((i for i, each in enumerate(self.tried) if each.verdict in {"fails", "unknown"}), None)
+        return () if first is None else self.tried[first:]
 
 
 @dataclass(frozen=True)
@@ -252,29 +305,21 @@ class Results:
     def _limit(self, cell: Cell, rows: Sequence[Row], values: Mapping[float, int]) -> Limit:
         search = self.study.search
         assert search is not None
-        held: dict[int, list[bool]] = {}
-        for row in rows:
-            held.setdefault(values[row[search.field]], []).append(bool(row[search.condition]))
-        seeds = len(self.study.seeds)
-        most = allowed_failures(seeds, search.survive)
-        holds = {}
-        for index, ups in held.items():
-            if ups.count(False) > most:
-                holds[index] = False
-            elif len(ups) == seeds:
-                holds[index] = True
-        low, high = boundary(holds, search.count)
-        shown = max(low, 0)
-        up = held.get(shown, [])
+        tried = self._tried(rows)
+        verdicts = {values[each.value]: each.verdict for each in tried}
+        low, _ = boundary(verdicts, search.count)
         amounts = {i: value for value, i in values.items()}
+        shown = next((each for each in tried if each.value == amounts[max(low, 0)]), None)
+        up, known = (shown.survived, shown.runs) if shown else (0, 0)
         return Limit(
             labels=cell.labels,
             texts=cell.texts,
             largest=amounts[low] if low >= 0 else 0.0,
-            survived=sum(up),
-            runs=len(up),
-            interval=wilson_interval(sum(up), len(up)),
-            fails_at=amounts[high] if high < search.count else None,
+            survived=up,
+            runs=known,
+            interval=wilson_interval(up, known),
+            fails_at=next((each.value for each in tried if each.verdict == "fails"), None),
+            tried=tried,
         )
 
     def _limit_of_each(self, cell: Cell, rows: Sequence[Row], values: Mapping[float, int]) -> Limit:
@@ -284,12 +329,14 @@ class Results:
         ends = []
         for seed in self.study.seeds:
             mine = {
-                values[row[search.field]]: bool(row[search.condition]) for row in rows if row["seed"] == seed
+                values[row[search.field]]: self._held(row, search.condition)
+                for row in rows
+                if row["seed"] == seed
             }
-            ends.append(boundary(mine, search.count))
+            ends.append(boundary(verdicts_of_one(mine), search.count))
         each = tuple(amounts[low] if low >= 0 else 0.0 for low, _ in ends)
         held = sum(low >= 0 for low, _ in ends)
-        first = min(high for _, high in ends)
+        tried = self._tried(rows)
         return Limit(
             labels=cell.labels,
             texts=cell.texts,
@@ -297,9 +344,30 @@ class Results:
             survived=held,
             runs=len(each),
             interval=wilson_interval(held, len(each)),
-            fails_at=amounts[first] if first < search.count else None,
+            fails_at=next((each.value for each in tried if each.survived < each.runs), None),
             each=each,
+            tried=tried,
         )
+
+    def _held(self, row: Row, condition: str) -> bool | None:
+        """Whether a condition held in the run of a row; None if nobody knows."""
+        return outcome_of(self.study, row).holds(condition)
+
+    def _tried(self, rows: Sequence[Row]) -> tuple[Tried, ...]:
+        """The searched values of rows, each with what became of it, the smallest first."""
+        search = self.study.search
+        assert search is not None
+        groups: dict[float, list[Row]] = {}
+        for row in rows:
+            groups.setdefault(row[search.field], []).append(row)
+        found = []
+        for value, group in sorted(groups.items()):
+            held = [self._held(row, search.condition) for row in group]
+            invalid = sum(row.get(INVALID) is not None for row in group)
+            known = len(held) - held.count(None)
+            what = verdict(held, len(self.study.seeds), search.survive)
+            found.append(Tried(value, what, held.count(True), known, invalid, held.count(None) - invalid))
+        return tuple(found)
 
     def shares(self, by: Sequence[str] | None = None, condition: str = "survived") -> tuple[Share, ...]:
         """In how many runs of every cell a condition held, and the means of the measures.
@@ -324,11 +392,36 @@ class Results:
             groups.setdefault(same, (cell, []))[1].extend(rows)
         found = []
         for cell, group in groups.values():
-            count = sum(outcome_of(self.study, row).holds(condition) for row in group)
+            held = [self._held(row, condition) for row in group]
+            count, known = held.count(True), len(held) - held.count(None)
+            invalid = sum(row.get(INVALID) is not None for row in group)
             labels = {axis: cell.labels[axis] for axis in kept}
             texts = {axis: cell.texts[axis] for axis in kept}
-            interval, means = wilson_interval(count, len(group)), self._means(group, condition)
-            found.append(Share(labels, texts, count, len(group), interval, means))
+            interval, means = wilson_interval(count, known), self._means(group, condition)
+            unknown = held.count(None) - invalid
+            found.append(Share(labels, texts, count, known, interval, means, invalid, unknown))
+        return tuple(found)
+
+    def remarks(self) -> tuple[str, ...]:
+        """What does not show in numbers: runs that are invalid, and searches that saw holes."""
+        found = []
+        if invalid := [str(row[INVALID]) for row in self.rows if row.get(INVALID) is not None]:
+            found.append(
+                f"{len(invalid)} of {len(self.rows)} runs are invalid and count as neither held nor failed; "
+                f"the first {invalid[0]}"
+            )
+        if (search := self.study.search) is None:
+            return tuple(found)
+        for limit in self.limits():
+            if limit.holds_again:
+                where = "".join(f"{name} {text}, " for name, text in limit.texts.items())
+                tried, again = (
+                    listing(
+                        f"{format_quantity(t.value, search.unit)} ({t.survived} of {t.runs})" for t in each
+                    )
+                    for each in (limit.hole, limit.holds_again)
+                )
+                found.append(f"{where}there is a hole: it does not hold at {tried}, but again at {again}")
         return tuple(found)
 
     def _means(self, rows: Sequence[Row], condition: str) -> dict[str, float]:

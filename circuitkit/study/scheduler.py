@@ -174,7 +174,7 @@ class _Cell:
     number: int
     strategy: Strategy
     requests: list[Request] = field(default_factory=list)
-    answers: dict[Request, bool] = field(default_factory=dict)
+    answers: dict[Request, bool | None] = field(default_factory=dict)
     done: int = 0
     over: bool = False
 
@@ -287,9 +287,10 @@ class _Scheduler:
 
     def _answer(self, cell: _Cell, request: Request, case: Case, outcome: Outcome) -> Run:
         """Give a cell the outcome of one of its runs."""
-        search, held = cell.task.study.search, False
+        search = cell.task.study.search
+        held: bool | None = None
         try:
-            held = search is None or outcome.holds(search.condition)
+            held = True if search is None else outcome.holds(search.condition)
         except CircuitkitError as error:  # there is no such measure, or it is a number
             self._give_up(cell.task, error)
         run = Run(cell.number, request[0], case, outcome)
@@ -299,7 +300,7 @@ class _Scheduler:
         self.done += 1
         return run
 
-    def _ask(self, cell: _Cell, answers: Mapping[Request, bool] | None) -> None:
+    def _ask(self, cell: _Cell, answers: Mapping[Request, bool | None] | None) -> None:
         """Let a cell ask for runs, as long as all that it asks for is known already."""
         while not cell.over:
             try:

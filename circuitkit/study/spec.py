@@ -29,7 +29,8 @@ from circuitkit.base.source.fields import AnyQuantity, Ratio, Seconds
 from circuitkit.base.units import Quantity, Unit, parse_quantity
 
 FOLDER = "sims/studies"
-RESERVED = ("seed", "scenario", "version", "key")  # columns that every table of results has
+INVALID = "invalid"  # the column that says when and why a run became invalid
+RESERVED = ("seed", INVALID, "scenario", "version", "key")  # columns that every table of results has
 MOST_SEEDS, MOST_CELLS, MOST_STEPS = 1_000_000, 1_000_000, 1_000_000
 RMS = "rms_"  # what the columns of commands begin with
 

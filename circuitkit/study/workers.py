@@ -99,11 +99,13 @@ def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | Circuit
             some = _outcomes(case, tuple(specs[i] for i in chosen))
             found |= dict(zip(chosen, some, strict=True))
         return tuple(found[i] for i in range(len(specs)))
-    each = zip(specs, tracker.measures(), tracker.effort(), strict=True)
-    return tuple(Outcome(spec.seed, {**measures, **_named(effort)}) for spec, measures, effort in each)
+    each = zip(specs, tracker.measures(), tracker.effort(), tracker.invalid, strict=True)
+    return tuple(
+        Outcome(spec.seed, {**measures, **_named(effort)}, why) for spec, measures, effort, why in each
+    )
 
 
-def _named(effort: Mapping[str, float]) -> dict[str, float]:
+def _named(effort: Mapping[str, float | None]) -> dict[str, float | None]:
     return {f"{RMS}{name}": value for name, value in effort.items()}
 
 

@@ -24,6 +24,7 @@ ROW = {
     "largest_lean": 0.2,
     "max_zmp_excursion_m": 0.0123,
     "recovery_time_s": 0.84,
+    "invalid": None,
     "interrupted": False,
     "recording": "out/recording.nc",
 }

@@ -269,13 +269,16 @@ def test_an_unstable_simulation_is_said_and_ends_the_run(tmp_path, monkeypatch):
     result = simulate(tmp_path / "scenario.yaml")
     ended = result.recording.ended_s()
     assert not result.survived
-    assert result.outcome == f"became unstable at {ended:.2f} s"
-    assert result.notes == (
-        f"the simulation became unstable at {ended:.3f} s; a smaller timestep, less stiff servos or more "
-        "damping "
-        "may help",
+    assert result.outcome == f"invalid at {ended:.2f} s"
+    (note,) = result.notes
+    assert note == (
+        f"invalid {result.invalid}; what is recorded ends there; "
+        "a smaller timestep, less stiff servos or more damping may help"
     )
-    assert result.measures["t"] == pytest.approx(ended)
+    assert result.invalid.startswith(f"at {ended:.3f} s: the ")
+    assert "of joint 'joint_" in result.invalid
+    assert result.measures == {"survived": None, "t": None}
+    assert list(tmp_path.glob("MUJOCO_LOG*")) == []
 
 
 def test_a_channel_of_a_joints_name_is_recorded_as_what_it_is(tmp_path):
@@ -371,7 +374,7 @@ def test_a_rope_hangs_from_a_cart_that_moves(tmp_path):
     robot = begun(tmp_path, ROPE)
     assert "slide" in robot.channels
     recording = run(robot, Told(m=1.1), duration_s=0.5)
-    assert not recording.lost[0]
+    assert recording.invalid == (None,)
     data = mujoco.MjData(recording.robot.model)
     data.qpos[:] = recording.qpos[-1, 0]
     mujoco.mj_kinematics(recording.robot.model, data)

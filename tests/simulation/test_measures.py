@@ -16,6 +16,7 @@ from circuitkit.base.units import parse_unit
 from circuitkit.simulation import Scenario, simulate
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.simulation.formulas import Track, parse_measure
+from circuitkit.simulation.reductions import holds_where
 
 DT = 0.01
 UNITS = {
@@ -225,8 +226,8 @@ def test_a_condition_in_parts_is_that_of_the_whole(text, x, y, cuts):
 
     parts, firsts = [], []
     for begin, end in pairwise([0, *sorted(cuts), len(x)]):
-        parts.append(formula.holds(until(end), begin, firsts))
-    whole = formula.holds(until(len(x)), 0, [])
+        parts.append(holds_where(formula.since(until(end), begin, firsts)))
+    whole = holds_where(formula.since(until(len(x)), 0, []))
     np.testing.assert_array_equal(np.concatenate(parts), whole)
     series = formula.series(track(x=x, y=y))
     np.testing.assert_array_equal(whole, (series != 0) & ~np.isnan(series))

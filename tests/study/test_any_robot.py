@@ -67,16 +67,16 @@ def test_the_search_goes_on_while_a_measure_of_ones_own_holds(tmp_path):
     assert (limit.largest, limit.fails_at) == (first - 5.0, first)
 
 
-def test_a_condition_that_is_not_known_counts_as_one_that_did_not_hold(tmp_path):
+def test_a_condition_that_is_not_known_has_neither_held_nor_failed(tmp_path):
     """`late` has no value: no run comes to its window."""
     search = {"field": "push.force", "low": "0 N", "high": "5 N", "step": "5 N", "while": "late"}
     late = {**POLE["set"], "measures.late": "last(after(cart < 9 m, 900 s))"}
     results = sweep(make_study({**POLE, "set": late, "search": search}), tmp_path, workers=1, progress=False)
     assert {row["late"] for row in results.rows} == {None}
     (limit,) = results.limits()
-    assert (limit.survived, limit.fails_at) == (0, 0.0)
+    assert (limit.survived, limit.runs, limit.fails_at, limit.unknown_at) == (0, 0, None, 0.0)
     (share, *_) = results.shares(condition="late")
-    assert (share.survived, share.runs) == (0, 2)
+    assert (share.survived, share.runs, share.unknown, share.invalid) == (0, 0, 4, 0)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from circuitkit.study import wilson_interval
-from circuitkit.study.search import FIRST_SEEDS, Boundary, boundary
+from circuitkit.study.search import FIRST_SEEDS, Boundary, boundary, verdict
 
 SEEDS = range(20)
 
@@ -26,11 +26,8 @@ def found_by(search: Boundary, stands) -> tuple[dict[int, list[bool]], tuple[int
             wanted = strategy.send(come)
         except StopIteration:
             break
-    holds = {
-        value: ups.count(False) <= search.may_fail and len(ups) == len(search.seeds)
-        for value, ups in made.items()
-    }
-    return made, boundary(holds, search.count)
+    verdicts = {value: verdict(ups, len(search.seeds), search.survive) for value, ups in made.items()}
+    return made, boundary(verdicts, search.count)
 
 
 @given(st.integers(1, 200), st.integers(-1, 200), st.integers(0, 5))
@@ -38,7 +35,12 @@ def test_where_all_below_holds_it_is_what_looking_at_each_finds(count, last, bel
     last = min(last, count - 1)
     made, (low, high) = found_by(Boundary(count, SEEDS, 1.0, below), lambda value, _: value <= last)
     assert (low, high) == (last, last + 1)
-    assert len(made) <= math.ceil(math.log2(count + 1)) + below + 1
+    whole = [value for value, ups in made.items() if value > last or len(ups) == len(SEEDS)]
+    octaves = math.ceil(math.log2(count + 1))  # a look for holes takes one value of each, and few runs
+    above = sum(len(ups) for value, ups in made.items() if value > last) / FIRST_SEEDS
+    assert above <= 2 * octaves
+    assert len([value for value in whole if value <= last]) <= octaves + below + 1
+    assert len(made) <= 3 * octaves + below + 1
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=80), st.integers(0, 4))
@@ -59,8 +61,48 @@ def test_looking_at_all_below_finds_the_first_gap():
 
 def test_a_value_that_falls_at_once_costs_a_few_runs_only():
     made, _ = found_by(Boundary(61, SEEDS, 1.0, 0), lambda value, _: value <= 11)
-    for value, ups in made.items():
-        assert len(ups) == (len(SEEDS) if value <= 11 else FIRST_SEEDS)
+    assert all(len(ups) == FIRST_SEEDS for value, ups in made.items() if value > 11)
+    assert len(made[11]) == len(SEEDS)
+    assert sum(len(ups) for ups in made.values()) <= 3 * len(SEEDS) + (3 + 6) * FIRST_SEEDS  # six octaves
+
+
+def with_a_hole(value: int, seed: int) -> bool:
+    """30 N 6 of 6, 36 N 2 of 6, 44 N 6 of 6, 52 N 0 of 6: a hole from 33 N on, and an end at 48 N."""
+    return value < 33 or 40 <= value < 48 or (33 <= value < 40 and seed < 2)
+
+
+@pytest.mark.parametrize(("count", "below"), [(53, 3), (61, 0), (61, 3), (81, 3), (200, 3)])
+def test_a_hole_is_seen_from_above_and_from_below_wherever_bisection_lands(count, below):
+    made, (low, high) = found_by(Boundary(count, range(6), 1.0, below), with_a_hole)
+    assert (low, high) == (32, 33)
+    assert any(len(ups) == 6 and all(ups) for value, ups in made.items() if value > high)
+    assert sum(len(ups) for ups in made.values()) <= 6 * 4 * math.log2(count)
+
+
+def test_what_nobody_knows_is_neither_held_nor_failed():
+    """Above 9 the physics explodes."""
+    made, (low, high) = found_by(
+        Boundary(16, range(3), 1.0, 0), lambda value, _: True if value < 10 else None
+    )
+    assert (low, high) == (9, 10)
+    assert verdict(made[10], 3) == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("found", "survive", "expected"),
+    [
+        ([True] * 4, 1.0, "holds"),
+        ([True] * 3, 1.0, "open"),
+        ([True, False], 1.0, "fails"),
+        ([True, None], 1.0, "unknown"),
+        ([True, None, False], 1.0, "fails"),
+        ([True, True, True, None], 0.75, "holds"),
+        ([True, True, False, None], 0.75, "unknown"),
+        ([False, False, True, None], 0.75, "fails"),
+    ],
+)
+def test_a_verdict_needs_so_many_of_four_seeds(found, survive, expected):
+    assert verdict(found, 4, survive) == expected
 
 
 def test_the_last_seed_counts_as_much_as_the_first():

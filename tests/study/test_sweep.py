@@ -138,7 +138,7 @@ def test_a_stopped_sweep_goes_on_where_it_was_and_ends_with_the_same_bytes(swept
 
 def test_results_are_not_overwritten_without_a_word(swept):
     with pytest.raises(
-        CircuitkitError, match=r"has 20 runs of the study 'push_limits'; go on .* by --resume"
+        CircuitkitError, match=r"has 32 runs of the study 'push_limits'; go on .* by --resume"
     ):
         sweep(small_study(), swept[0], workers=1, progress=False)
 

@@ -60,6 +60,12 @@ class Job:
             CircuitkitError: As of `sweep`.
         """
         folder = self.folder / ("quick" if self.quick else "full") / (name or study.name)
+        results = self._swept(study, folder, apart)
+        for remark in results.remarks():
+            self.log(f"{self.figure}: {remark}")
+        return results
+
+    def _swept(self, study: Study, folder: Path, apart: str) -> Results:
         with open_workers(self.workers) as workers:
             if not apart:
                 return self._sweep(study, folder, workers)

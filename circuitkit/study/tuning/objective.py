@@ -16,6 +16,7 @@ from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import AnyQuantity
 from circuitkit.base.units import parse_quantity, parse_unit
 from circuitkit.study.results import Row
+from circuitkit.study.spec import INVALID
 from circuitkit.study.tuning.runs import Condition
 
 LIMIT = "limit"  # the figure that is no column
@@ -129,16 +130,23 @@ def columns(row: Row) -> list[str]:
     return [
         name
         for name, value in row.items()
-        if name != "seed" and (value is None or isinstance(value, bool | int | float))
+        if name not in {"seed", INVALID} and (value is None or isinstance(value, bool | int | float))
     ]
 
 
 def limit(conditions: Sequence[Condition], rows: Sequence[Sequence[Row]], measure: str = "survived") -> float:
-    """Mean over the cells of the largest factor up to which a measure holds in all runs; 0 if in none."""
+    """Mean over the cells of the largest factor up to which a measure holds in all runs; 0 if in none.
+
+    Raises:
+        FigureError: Nobody knows of a run whether it holds.
+    """
     largest: dict[tuple[tuple[str, str], ...], float] = {}
     over: set[tuple[tuple[str, str], ...]] = set()
     for condition, each in zip(conditions, rows, strict=True):
         largest.setdefault(condition.cell_key, 0.0)
+        if any(row[measure] is None for row in each):
+            message = f"a run has no value for '{measure}', so that nobody knows whether it holds"
+            raise FigureError(message)
         if condition.cell_key not in over and all(row[measure] for row in each):
             largest[condition.cell_key] = condition.factor
         else:
@@ -175,8 +183,12 @@ def score(
 
     Raises:
         UnknownNameError: The results have no such column.
-        FigureError: A run lacks a figure.
+        FigureError: A run lacks a figure, or is invalid: what it would have been, nobody knows.
     """
+    every = (row for sets in rows.values() for each in sets for row in each)
+    if (bad := next((row for row in every if row.get(INVALID) is not None), None)) is not None:
+        message = f"the run with seed {bad['seed']} is invalid {bad[INVALID]}"
+        raise FigureError(message)
     names = list(conditions)
     sets = [term.runs or names[0] for term in terms]
     figures = tuple(
