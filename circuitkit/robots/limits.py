@@ -121,7 +121,7 @@ class Limits:
         self._mixing = np.zeros((robot.model.nu, len(chosen)))
         for i, command in enumerate(chosen):
             self._mixing[:, i] = command.factors
-        ends = [command.limits or (-np.inf, np.inf) for command in chosen]
+        ends = [command.limits or (-_LARGEST, _LARGEST) for command in chosen]
         change = [np.inf if command.rate is None else command.rate * step_s for command in chosen]
 
         # Arrays of one shape are added and compared in a quarter of the time that broadcasting takes.
@@ -130,7 +130,6 @@ class Limits:
 
         self._ends = tiled([low for low, _ in ends]), tiled([high for _, high in ends])
         self._change = tiled(change)
-        self._is_limited = any(command.limits is not None for command in chosen)
         self._is_slow = bool(np.isfinite(change).any())
         self._sent = np.clip(tiled([0.0] * len(chosen)), *self._ends)
         self._wanted = tiled([0.0] * robot.model.nu)
@@ -150,22 +149,18 @@ class Limits:
             targets: What the reference wants; shape (B, nu) or (1, nu).
             ctrl: Takes the controls; shape (B, nu).
         """
-        sent = commands
-        if self._is_limited or self._is_slow:
-            low, high = self._ends
-            if self._is_slow:
-                low = np.maximum(low, self._sent - self._change)
-                high = np.minimum(high, self._sent + self._change)
-            sent = np.maximum(commands, low, out=self._sent)
-            np.minimum(sent, high, out=sent)  # in two steps: a quarter of the time of `np.clip`
+        low, high = self._ends
+        if self._is_slow:
+            low = np.maximum(low, self._sent - self._change)
+            high = np.minimum(high, self._sent + self._change)
+        sent = np.maximum(commands, low, out=self._sent)
+        np.minimum(sent, high, out=sent)  # in two steps: a quarter of the time of `np.clip`
         np.vecdot(sent[:, None], self._mixing, self._wanted)
         np.add(self._wanted, targets, self._wanted)
         np.fmax(self._wanted, self._low, out=ctrl)  # as quick as `maximum`, and leaves nothing but numbers
         np.fmin(ctrl, self._high, out=ctrl)
         # Comparing bytes costs a tenth of looking into the arrays.
-        if self._wanted.tobytes() != ctrl.tobytes() or (
-            sent is not commands and sent.tobytes() != commands.tobytes()
-        ):
+        if self._wanted.tobytes() != ctrl.tobytes() or sent.tobytes() != commands.tobytes():
             self._note(commands, sent, ctrl)
         self._tick += 1
 

@@ -128,7 +128,7 @@ class CommandSpec(_WithUnit):
             found, wanted = parse_quantity(self.rate), parse_unit(self.unit).dimension.times(_SECOND, -1)
             if found.dimension != wanted or found.value_si <= 0:
                 is_a = "" if found.value_si <= 0 else f", which is {found.dimension}"
-                message = f"rate: found '{self.rate}'{is_a}; allowed: more than 0, in {wanted.si_symbol}"
+                message = f"rate: found '{self.rate}'{is_a}; allowed: more than 0, in {self.unit}/s"
                 raise ValueError(message)
         return self
 

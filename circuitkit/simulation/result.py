@@ -114,7 +114,6 @@ class Result:
         """What a reader of the verdict must know of commands and readings; each a line."""
         lasted_s = self.recording.ended_s() or self.recording.ticks * self.recording.step_s
         fallback = self.scenario.fallback
-        replaced = {"zero": "zero", "open_loop": "the reference alone"}.get(fallback, "")
         found = []
         for kind, by_name in self.interventions.items():
             for name, (first_s, total_s) in by_name.items():
@@ -124,7 +123,7 @@ class Result:
                         "clamped": f"{name} was at its limit in {100 * total_s / lasted_s:.2g} % of the run",
                         "missing": f"{name} was missing {spell}",
                         "held": f"{name} was not commanded {spell}: the last command was held",
-                        "fallback": f"{name} was not commanded {spell}: fallback {fallback}, {replaced}",
+                        "fallback": f"{name} was not commanded {spell}: fallback {fallback}",
                     }[kind]
                 )
         return tuple(found)
