@@ -185,6 +185,11 @@ def require_motion(motion: Motion, reference: Reference, robot: RobotModel, tick
         raise InputError(*problems)
 
 
+def percent(share: float) -> str:
+    """A share in two digits, such as `12 %`, `0.44 %` or `100 %`."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"  # noqa: PLR2004 - two digits
+
+
 def beyond_ranges(motion: Motion, robot: RobotModel) -> str:
     """Which controls a motion alone asks for that are beyond their ranges, and so cut; empty if none is."""
     low, high = control_ranges(robot)
@@ -194,7 +199,7 @@ def beyond_ranges(motion: Motion, robot: RobotModel) -> str:
         if share > 0:
             found.append(
                 f"'{name}' for {targets[:, i].min():.6g} to {targets[:, i].max():.6g}, and its range is "
-                f"{low[i]:.6g} to {high[i]:.6g} (in {100 * share:.2g} % of the run)"
+                f"{low[i]:.6g} to {high[i]:.6g} (in {percent(share)} of the run)"
             )
     return "; ".join(found)
 

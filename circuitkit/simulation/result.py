@@ -18,6 +18,7 @@ from circuitkit.simulation.effects import BodyForce
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.measures import SURVIVED
 from circuitkit.simulation.recording import Recording
+from circuitkit.simulation.reference import percent
 from circuitkit.simulation.scenario import Scenario
 
 
@@ -120,7 +121,7 @@ class Result:
                 spell = f"for {total_s:.4g} s, first at {first_s:.4g} s"
                 found.append(
                     {
-                        "clamped": f"{name} was at its limit in {100 * total_s / lasted_s:.2g} % of the run",
+                        "clamped": f"{name} was at its limit in {percent(total_s / lasted_s)} of the run",
                         "missing": f"{name} was missing {spell}",
                         "held": f"{name} was not commanded {spell}: the last command was held",
                         "fallback": f"{name} was not commanded {spell}: fallback {fallback}",
