@@ -85,6 +85,9 @@ def _print_results(results: Sequence[Result]) -> None:
             for row, result in zip(rows, results, strict=True)
         ),
     )
+    for row, result in zip(rows, results, strict=True):
+        for remark in result.remarks:
+            print(f"{row['controller']}: {remark}")
 
 
 _TOLD = frozenset({"survived", "time_of_fall_s"})  # measures that the outcome tells

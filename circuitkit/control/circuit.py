@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit
@@ -15,6 +16,7 @@ from circuitkit.circuit.graph import InputNode, OutputNode
 from circuitkit.circuit.silencing import silence
 from circuitkit.control.controller import Array, Interface
 from circuitkit.engine import Program, Stepper, compile_circuit
+from circuitkit.engine.dependence import Dependence, dependence
 
 
 class CircuitController:
@@ -82,8 +84,9 @@ class CircuitController:
 class BoundCircuit:
     """Steps a circuit once a control step.
 
-    Where a reading is missing (not a number), that robot's circuit is not stepped: its command stays what it
-    was, and the rest of the batch goes on.
+    Where a reading is missing (not a number), what depends on it stays what it was in that robot's circuit,
+    and an output that depends on it is no command (not a number). All else goes on as if the reading were
+    there, whatever it were: other neurons and outputs, and the rest of the batch.
 
     Attributes:
         graph: The circuit.
@@ -116,6 +119,7 @@ class BoundCircuit:
         kept = [i for i, name in enumerate(written) if name is not None]
         self._kept = None if len(kept) == len(written) else kept
         self._program = program
+        self._known: dict[bytes, Dependence] = {}
         self.trace_names = tuple(program.neuron_names)
         self.backend = program.note or f"backend {program.backend}"
         self.reset(1)
@@ -125,6 +129,8 @@ class BoundCircuit:
         self._tick = 0
         self._stepper = Stepper(self._program, batch)
         self._inputs = self._stepper.inputs
+        low, high = ([getattr(node, end) for node in self.graph.inputs] for end in ("low", "high"))
+        self._inputs[...] = np.clip(0.0, low, high)  # of readings that are missing from the beginning on
 
     def seed_noise(self, seeds: Sequence[int]) -> None:
         """Let the noise of each robot's circuit follow from the robot's seed."""
@@ -133,13 +139,13 @@ class BoundCircuit:
         self._stepper.state = state
 
     def step(self, observation: Array) -> Array:
-        """Outputs of the circuit, shape (B, m), SI units."""
+        """Outputs of the circuit, shape (B, m), SI units; not a number where one needs what is missing."""
         # One call for all of it: the sum of squares is finite where every reading is.
         if math.isfinite(np.vdot(observation, observation)):
             self._take(observation)
             readout = self._stepper.step()
         else:
-            readout = self._step_where_finite(observation)
+            readout = self._step_without(~np.isfinite(observation), observation)
         return readout if self._kept is None else readout[:, self._kept]
 
     def store_trace(self, row: Array) -> None:
@@ -155,16 +161,30 @@ class BoundCircuit:
         self._inputs[:, self._intended] = self._plan[self._tick]
         self._tick += 1
 
-    def _step_where_finite(self, observation: Array) -> Array:
-        missing = np.logical_not(np.isfinite(observation).all(axis=1))
-        before = self._stepper.state
-        self._take(np.where(missing[:, np.newaxis], 0.0, observation))
-        self._stepper.step()
-        after = self._stepper.state
-        for old, new in zip(before.arrays(), after.arrays(), strict=True):
-            new[missing] = old[missing]
-        self._stepper.state = after
-        return self._stepper.readout
+    def _step_without(self, missing: NDArray[np.bool_], observation: Array) -> Array:
+        """Step with the last readings for those that are missing, and take back what depends on them."""
+        patterns, which = np.unique(missing, axis=0, return_inverse=True)
+        known = [self._dependence(pattern) for pattern in patterns]
+        remembers = any(columns.any() for each in known for columns in each.state)
+        before = self._stepper.state if remembers else None
+        self._take(np.where(missing, self._inputs[:, self._sensed], observation))
+        readout = self._stepper.step().copy()
+        if before is not None:
+            after = self._stepper.state
+            for number, each in enumerate(known):
+                each.put_back(which.ravel() == number, before, after)
+            self._stepper.state = after
+        readout[np.array([each.outputs for each in known])[which.ravel()]] = np.nan
+        return readout
+
+    def _dependence(self, missing: NDArray[np.bool_]) -> Dependence:
+        """What depends on some of the observations; found once for each set of them."""
+        key = missing.tobytes()
+        if key not in self._known:
+            inputs = np.zeros(len(self.graph.inputs), dtype=bool)
+            inputs[self._sensed] = missing
+            self._known[key] = dependence(self._program, inputs)
+        return self._known[key]
 
 
 def _strangers(

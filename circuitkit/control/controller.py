@@ -77,7 +77,8 @@ class Controller(Protocol):
             observation: Shape (B, k), SI units; readings that are missing are not numbers.
 
         Returns:
-            Shape (B, m), SI units.
+            Shape (B, m), SI units. What is not a number is no command: the last one is held, and then the
+            scenario's `fallback` takes its place.
         """
 
 
@@ -136,7 +137,7 @@ def require_controller(given: object) -> Controller:
 
 
 def checked_step(controller: Controller, batch: int) -> Callable[[Array], Array]:
-    """The controller's `step`, which refuses commands that are no array of shape (B, m).
+    """The controller's `step`, which refuses commands that are no array of numbers of shape (B, m).
 
     Args:
         controller: The controller.
@@ -148,7 +149,7 @@ def checked_step(controller: Controller, batch: int) -> Callable[[Array], Array]
     def step(observation: Array) -> Array:
         found = controller.step(observation)
         if not isinstance(found, np.ndarray) or found.shape != wanted or found.dtype.kind not in "fiu":
-            raise InputError(_problem(found, allowed, "step"))
+            raise InputError(_problem(found, allowed, f"'{controller.name}'.step"))
         return found
 
     return step

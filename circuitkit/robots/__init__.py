@@ -1,6 +1,7 @@
 """Robots: from an MJCF and a robot file to channels, commands, and batches of robots in MuJoCo."""
 
 from circuitkit.robots.channels import Channel, Observer
+from circuitkit.robots.limits import TickLog, control_names, control_ranges
 from circuitkit.robots.model import Command, RobotModel, build_model
 from circuitkit.robots.spec import Robot, load_robot, shipped_robots
 from circuitkit.robots.start import StartState
@@ -14,8 +15,11 @@ __all__ = [
     "Robot",
     "RobotModel",
     "StartState",
+    "TickLog",
     "Worlds",
     "build_model",
+    "control_names",
+    "control_ranges",
     "load_robot",
     "shipped_robots",
 ]

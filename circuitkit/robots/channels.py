@@ -170,6 +170,8 @@ class Observer:
         """
         values = self(readings)
         self._quotients.compute_missing(readings, values)
+        for place, formula in self._formulas:  # comparisons make a number of one that is missing
+            values[np.isnan(readings[..., sorted(formula.used)]).any(axis=-1), place] = np.nan
         return values
 
 

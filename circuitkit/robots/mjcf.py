@@ -237,10 +237,11 @@ def _chosen(mj: Any, robot: Robot, problems: list[Problem]) -> dict[str, Servo]:
 
 def _misfits(servo: Servo, kinds: Mapping[str, int]) -> Iterator[tuple[str, str]]:
     """The numbers of a servo whose unit is that of another type of joint, each once, and what is wrong."""
-    for key in ("stiffness", "damping", "torque"):
-        found = getattr(servo, key)
+    for key in ("stiffness", "damping", "torque", "reach"):
+        if (found := getattr(servo, key)) is None:
+            continue
         for name, kind in kinds.items():
-            unit = SERVO_UNITS[kind][key]
+            unit = HELD_UNITS[kind] if key == "reach" else SERVO_UNITS[kind][key]
             if found.unit != DIMENSIONLESS and found.dimension != unit.dimension:
                 yield (
                     key,

@@ -49,6 +49,7 @@ class Command:
         factors: For each actuator, its control for one SI unit of the command; shape (nu,).
         limits: The command is clipped to these, [SI]; None without.
         description: What it does.
+        rate: By how much it may change in a second, [SI/s]; None without.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Command:
     factors: Array
     limits: tuple[float, float] | None = None
     description: str = ""
+    rate: float | None = None
 
 
 @dataclass(frozen=True)
@@ -346,7 +348,9 @@ def _commands(robot: Robot, model: mujoco.MjModel, problems: list[Problem]) -> d
                 problems.append(robot.problem(where, message))
             else:
                 factors[model.actuator_ctrladr[actuators.index(actuator)]] = factor
-        found[name] = Command(name, parse_unit(spec.unit), factors, spec.pair("limits"), spec.description)
+        found[name] = Command(
+            name, parse_unit(spec.unit), factors, spec.pair("limits"), spec.description, spec.rate_si
+        )
     return found
 
 

@@ -32,7 +32,7 @@ from circuitkit.base.source import (
     unfilled,
     validate_model,
 )
-from circuitkit.base.source.fields import AnyQuantity, Damping, Effort, Seconds, Stiffness
+from circuitkit.base.source.fields import AnyQuantity, Damping, Effort, Reach, Seconds, Stiffness
 from circuitkit.base.units import parse_quantity, parse_unit
 
 FOLDER = "robots"
@@ -40,6 +40,7 @@ FILE_NAME = "robot.yaml"
 TIME, ENDED = "t", "ended"
 # Names that mean something else where channels and commands are named, as in measures.
 RESERVED: Mapping[str, str] = {TIME: "the time", ENDED: "whether until ended the run"}
+_SECOND = parse_unit("s").dimension
 _LOG = logging.getLogger(__name__)
 
 
@@ -117,11 +118,25 @@ class CommandSpec(_WithUnit):
     limits: tuple[AnyQuantity, AnyQuantity] | None = Field(
         default=None, description="The command is clipped to these."
     )
+    rate: AnyQuantity | None = Field(
+        default=None, description="By how much it may change in a second, such as 60 deg/s."
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> CommandSpec:
         self._require_pair("limits")
+        if self.rate is not None:
+            found, wanted = parse_quantity(self.rate), parse_unit(self.unit).dimension.times(_SECOND, -1)
+            if found.dimension != wanted or found.value_si <= 0:
+                is_a = "" if found.value_si <= 0 else f", which is {found.dimension}"
+                message = f"rate: found '{self.rate}'{is_a}; allowed: more than 0, in {self.unit}/s"
+                raise ValueError(message)
         return self
+
+    @property
+    def rate_si(self) -> float | None:
+        """By how much it may change in a second, [SI/s]."""
+        return None if self.rate is None else parse_quantity(self.rate).value_si
 
 
 class Servo(FileModel):
@@ -136,6 +151,11 @@ class Servo(FileModel):
     stiffness: Stiffness = Field(description="In N*m/rad, of a slide in N/m.")
     damping: Damping = Field(description="In N*m*s/rad, of a slide in N*s/m.")
     torque: Effort = Field(description="Largest torque in N*m, of a slide the largest force in N.")
+    reach: Reach | None = Field(
+        default=None,
+        description="How far beyond its joint's range a target may be, in rad, of a slide in m; not at "
+        "all if absent.",
+    )
 
 
 class RobotBlock(Protocol):
@@ -259,7 +279,7 @@ class Robot(FileModel):
 
     def warn(self, place: Place, message: str) -> None:
         """Say once that a part of the robot file is allowed, and will hardly do."""
-        _warn_once(str(self.problem(place, message)))
+        warn_once(str(self.problem(place, message)))
 
     @property
     def given_blocks(self) -> dict[str, Any]:
@@ -269,7 +289,8 @@ class Robot(FileModel):
 
 
 @cache
-def _warn_once(text: str) -> None:
+def warn_once(text: str) -> None:
+    """Say something once in the life of a process."""
     _LOG.warning(text)
 
 

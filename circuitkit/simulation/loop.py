@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from circuitkit.robots import Channel, Observer, RobotModel, Worlds
 from circuitkit.robots.validity import counts_by_kind
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.effects import Effects, Hook
+from circuitkit.simulation.fallback import Fallback, MissingCommands
 from circuitkit.simulation.measures import Judge, Tracker
 from circuitkit.simulation.recording import Recording
 from circuitkit.simulation.reference import Motion
@@ -38,6 +38,7 @@ class Setup:
         judge: Measures, and what ends a run.
         step_s: The control step.
         ticks: T.
+        fallback: What takes the place of commands that do not come.
     """
 
     robot: RobotModel
@@ -49,6 +50,7 @@ class Setup:
     judge: Judge
     step_s: float
     ticks: int
+    fallback: Fallback = field(default_factory=Fallback)
 
     @property
     def trace_names(self) -> tuple[str, ...]:
@@ -64,7 +66,7 @@ class _Rows:
         readings: Sensor readings after the tick, of the beginning of its last time step; shape (L, B, s).
         qpos: Positions after the tick, shape (L, B, nq).
         observations: What the controller read, shape (L, B, k).
-        commands: What it wrote, as late as delays let it; shape (L, B, m).
+        commands: What it wrote, as late as delays let it, or what was sent for it; shape (L, B, m).
         trace: What it tells of itself, shape (L, B, n).
     """
 
@@ -114,10 +116,11 @@ def run_loop(
     controller = setup.controller
     worlds = _start(setup, threads)
     rows = _Rows(setup, worlds, keep=True)
-    tracker = _tracker(setup)
+    tracker = _tracker(setup, worlds)
+    gaps = _gaps(setup)
     done, interrupted = 0, False
     try:
-        for done in _ticks(setup, worlds, rows, tracker):
+        for done in _ticks(setup, worlds, rows, tracker, gaps):
             if progress is not None and done % _LOOK_EVERY == 0:
                 progress(done)
     except KeyboardInterrupt:
@@ -132,7 +135,8 @@ def run_loop(
         observation_names=tuple(controller.observations), command_names=tuple(controller.commands),
         trace_names=setup.trace_names, interrupted=interrupted,
         measures=tracker.measures(), end_tick=tracker.end_tick, invalid=tuple(tracker.invalid),
-        warnings=tuple(map(counts_by_kind, worlds.warnings)),
+        warnings=tuple(map(counts_by_kind, worlds.warnings)), cut=worlds.limits.cut, held=gaps.held,
+        replaced=gaps.replaced,
     )  # fmt: skip
 
 
@@ -148,18 +152,22 @@ def run_and_watch(
     """
     worlds = _start(setup, threads)
     rows = _Rows(setup, worlds, keep=False)
-    tracker = _tracker(setup)
-    for done in _ticks(setup, worlds, rows, tracker, to_the_end=True):
+    tracker = _tracker(setup, worlds)
+    for done in _ticks(setup, worlds, rows, tracker, _gaps(setup), to_the_end=True):
         if progress is not None and done % _LOOK_EVERY == 0:
             progress(done)
     return tracker
 
 
-def _tracker(setup: Setup) -> Tracker:
+def _tracker(setup: Setup, worlds: Worlds) -> Tracker:
     return Tracker(
         setup.robot, setup.motion, setup.effects, setup.judge, setup.controller.commands,
-        step_s=setup.step_s, ticks=setup.ticks,
+        step_s=setup.step_s, ticks=setup.ticks, cut=worlds.limits.cut,
     )  # fmt: skip
+
+
+def _gaps(setup: Setup) -> MissingCommands:
+    return MissingCommands(setup.fallback, setup.controller.commands, len(setup.specs), setup.step_s)
 
 
 def _start(setup: Setup, threads: int | None) -> Worlds:
@@ -223,6 +231,7 @@ def _ticks(
     worlds: Worlds,
     rows: _Rows,
     tracker: Tracker,
+    gaps: MissingCommands,
     *,
     to_the_end: bool = False,
 ) -> Iterator[int]:
@@ -233,29 +242,32 @@ def _ticks(
         worlds: The robots.
         rows: Takes what is recorded.
         tracker: Finds out who has ended.
+        gaps: Sends something where the controller gives no command.
         to_the_end: What comes after the end does not count: time stands still for who has ended, and the
             controller misses their readings, so that it need not work for them.
     """
     starts = _CommonStarts(setup, worlds)
     sense, controller = _Senses(setup, worlds), setup.controller
-    steps = chain((checked_step(controller, worlds.batch),), repeat(controller.step))
-    advance = worlds.advance
+    control, advance = checked_step(controller, worlds.batch), worlds.advance
     store = getattr(controller, "store_trace", None) if setup.trace_names else None
-    reads = bool(controller.observations)
+    reads, writes = bool(controller.observations), bool(controller.commands)
     on_worlds, on_commands = setup.effects.on_worlds, setup.effects.on_commands
     watch = _Watch(setup, worlds, rows, tracker, to_the_end=to_the_end)
-    for tick, control in zip(range(setup.ticks), steps, strict=False):  # the steps have no end
+    for tick in range(setup.ticks):
         row = tick % rows.length
         observation = rows.observations[row]
         if reads:
             sense(tick, observation)
             if watch.still is not None:
                 observation[watch.still] = np.nan
-        rows.commands[row] = commands = control(observation)
+        commands = rows.commands[row]
+        commands[...] = control(observation)
         if store is not None:
             store(rows.trace[row])
         if on_commands:
-            _do(on_commands, tick, commands := rows.commands[row])
+            _do(on_commands, tick, commands)
+        if writes:
+            gaps(tick, commands, watch.still)
         starts.part(tick)
         if on_worlds:
             _do(on_worlds, tick, worlds)

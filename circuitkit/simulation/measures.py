@@ -14,7 +14,7 @@ from circuitkit.base.registry import Registry
 from circuitkit.base.source import FileModel
 from circuitkit.base.units import Unit
 from circuitkit.control import Array
-from circuitkit.robots import Observer, RobotModel
+from circuitkit.robots import Observer, RobotModel, TickLog
 from circuitkit.robots.parts import sensor_at
 from circuitkit.robots.validity import bad_position, bad_reading
 from circuitkit.simulation.effects import Effects
@@ -146,6 +146,7 @@ class Tracker:
         *,
         step_s: float,
         ticks: int,
+        cut: TickLog,
     ) -> None:
         """Name what is judged.
 
@@ -157,8 +158,10 @@ class Tracker:
             command_names: The controller's commands.
             step_s: The control step.
             ticks: T.
+            cut: When commands and controls were cut to their ranges.
         """
         batch = effects.batch
+        self._cut = cut
         self._judge, self._effects, self._motion = judge, effects, motion
         self._robot, self._step_s = robot, step_s
         sensed = [name for name in judge.channels if name in robot.channels]
@@ -295,6 +298,10 @@ class Tracker:
             values = [float(np.sqrt(np.square(each).mean())) if last else 0.0 for each in spent]
             found.append(dict(zip(self._command_place, values, strict=True)))
         return tuple(found)
+
+    def clamped(self) -> Array:
+        """In which part of its ticks up to the end a command or control of a robot was cut; shape (B,)."""
+        return self._cut.shares(np.where(self.ended, self.end_tick + 1, self.done))
 
     def _track(self, robot: int | slice, first: int, last: int) -> Track:
         def values(name: str) -> Array:

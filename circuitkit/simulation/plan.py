@@ -25,12 +25,14 @@ from circuitkit.control import (
     shipped_controllers,
 )
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
+from circuitkit.robots.spec import warn_once
 from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation.disturbance import Disturbance, RunSpec, draw_effects
+from circuitkit.simulation.fallback import Fallback
 from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
 from circuitkit.simulation.measures import SURVIVED, Judge, located
-from circuitkit.simulation.reference import Motion, Reference
+from circuitkit.simulation.reference import Motion, Reference, beyond_ranges, require_motion
 from circuitkit.simulation.scenario import Scenario
 
 CIRCUIT, OPEN_LOOP = "circuit", "open_loop"
@@ -224,6 +226,7 @@ class Plan:
         return Setup(
             robot=plant, motion=body.motion, controller=controller, circuit=self.circuits.used,
             specs=tuple(specs), effects=effects, judge=self.judge, step_s=body.step_s, ticks=body.ticks,
+            fallback=Fallback(self.scenario.fallback, self.scenario.fallback_after),
         )  # fmt: skip
 
     def own_spec(self, seed: int | None = None) -> RunSpec:
@@ -323,6 +326,9 @@ def make_body(scenario: Scenario, reference: Reference, circuit: CircuitGraph | 
         substeps_of(robot, step_s)
     with scenario.located("reference"):
         motion = reference.motion(robot, ticks, step_s)
+        require_motion(motion, reference, robot, ticks)
+    if beyond := beyond_ranges(motion, robot):
+        warn_once(f"the reference '{reference.name}' asks {beyond}; it is cut to the range")
     return Body(robot, _plant(scenario, robot, motion, scenario.befalling), motion, step_s, ticks)
 
 

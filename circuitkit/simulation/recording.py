@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from circuitkit.base.units import Unit, parse_unit
 from circuitkit.circuit import CircuitGraph
 from circuitkit.circuit.expressions.dimensions import named_symbol
 from circuitkit.control import Array
-from circuitkit.robots import Observer, RobotModel
+from circuitkit.robots import Observer, RobotModel, TickLog
 from circuitkit.robots.mjcf import HINGE, SLIDE
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.effects import Effects
@@ -50,8 +50,8 @@ class Recording:
         readings: True sensor readings, one time step before the end of the tick; shape (T, B, s).
         qpos: Positions at the end of the tick; shape (T, B, nq).
         observations: What the controller read at the start of the tick, by channel; shape (T, B, k).
-        commands: What reached the robot of what it wrote, by command: after delays, before limits; shape
-            (T, B, m).
+        commands: What reached the robot of what it wrote, by command: after delays, before limits, and where
+            none came what was sent for it; shape (T, B, m).
         trace: What it recorded of itself; shape (T, B, n).
         observation_names: The k channels.
         command_names: The m commands.
@@ -62,6 +62,9 @@ class Recording:
         invalid: When and why a robot's run became invalid, which ended it; None where it did not. Its rows
             after that are no numbers.
         warnings: How often MuJoCo warned of each robot, by kind.
+        cut: When a command was cut to its limits or rate, or a control to its range, by name.
+        held: When no command came and the last one was sent again, by command.
+        replaced: When no command came and the fallback took its place, by command.
     """
 
     robot: RobotModel
@@ -85,6 +88,9 @@ class Recording:
     interrupted: bool = False
     invalid: tuple[str | None, ...] = (None,)
     warnings: tuple[Mapping[str, int], ...] = ({},)
+    cut: TickLog = field(default_factory=TickLog)
+    held: TickLog = field(default_factory=TickLog)
+    replaced: TickLog = field(default_factory=TickLog)
 
     @property
     def ticks(self) -> int:
@@ -191,7 +197,43 @@ class Recording:
         if self.observation_names:
             missing = (~np.isfinite(self.observations[:, robot])).any(axis=1).astype(float)
             columns["input_missing"] = (missing, "1")
-        return columns
+        return columns | {name: (values, "1") for name, values in self._flags(robot)}
+
+    def _flags(self, robot: int) -> Iterator[tuple[str, Array]]:
+        """Columns of what was cut, held and replaced; of what never happened there is none."""
+        for kind, log in (("clamped", self.cut), ("held", self.held), ("fallback", self.replaced)):
+            flags = log.of(robot, self.ticks)
+            for i in np.flatnonzero(flags.any(axis=0)).tolist():
+                yield f"{kind}_{log.names[i]}", flags[:, i].astype(float)
+
+    def interventions(self, robot: int = 0) -> dict[str, dict[str, tuple[float, float]]]:
+        """What did not come through between robot and controller, up to the end of a robot's run.
+
+        Returns:
+            By what happened, and by the name of what it happened to: when first, and how long in all, [s].
+            `clamped`: a command was cut to its limits or rate, or its controls to their range; or, where no
+            such command has a part in it, an actuator's control. `missing`: a channel had no reading.
+            `held`: a command did not come, and the last one was sent again. `fallback`: the scenario's
+            fallback took its place.
+        """
+        end = int(self.end_tick[robot]) + 1 if self.end_tick[robot] >= 0 else self.ticks
+        cut = self.cut.of(robot, end)
+        count = len(self.command_names)
+        cut[:, count:] &= ~cut[:, :count].any(axis=1, keepdims=True)
+        missing = ~np.isfinite(self.observations[:end, robot])
+        found = {
+            "clamped": (self.cut.names, cut),
+            "missing": (self.observation_names, missing),
+            "held": (self.held.names, self.held.of(robot, end)),
+            "fallback": (self.replaced.names, self.replaced.of(robot, end)),
+        }
+        return {
+            kind: {
+                names[i]: (float(flags[:, i].argmax() * self.step_s), float(flags[:, i].sum() * self.step_s))
+                for i in np.flatnonzero(flags.any(axis=0))
+            }
+            for kind, (names, flags) in found.items()
+        }
 
     @cached_property
     def push_n(self) -> Array:

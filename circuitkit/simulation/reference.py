@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.registry import Registry
-from circuitkit.base.source import Document, FileModel
+from circuitkit.base.source import Document, FileModel, describe
 from circuitkit.control import Array, PlannedChannel
-from circuitkit.robots import RobotModel, StartState
+from circuitkit.robots import RobotModel, StartState, control_names, control_ranges
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,68 @@ class Reference:
             SimulationError: The robot cannot do it.
         """
         return Motion(robot.held[np.newaxis], robot.start_qpos)
+
+
+def require_motion(motion: Motion, reference: Reference, robot: RobotModel, ticks: int) -> None:
+    """Refuse a motion that is none for this robot and run.
+
+    Args:
+        motion: What the reference wants.
+        reference: Is named in complaints.
+        robot: The robot.
+        ticks: T.
+
+    Raises:
+        InputError: An array of it has another shape than it shall have, or numbers that are not finite; lists
+            all that is wrong.
+    """
+    model, who = robot.model, f"the reference '{reference.name}' ({type(reference).__name__})"
+    if not isinstance(motion, Motion):
+        message = f"{who} gave {describe(motion)}; allowed: a Motion"
+        raise InputError(Problem("", 0, 0, "reference", message))
+    at_least = f"of shape ({ticks},)"
+    wanted: list[tuple[str, Any, Sequence[tuple[int, ...]], str]] = [
+        ("targets", motion.targets, [(1, model.nu), (ticks, model.nu)],
+         f"of shape (1, {model.nu}) or ({ticks}, {model.nu}), a column for each control"),
+        ("start_qpos", motion.start_qpos, [(model.nq,)], f"of shape ({model.nq},)"),
+        *((f"planned.{name}", each.values, [(ticks,)], at_least) for name, each in motion.planned.items()),
+        *((f"columns.{name}", values, [(ticks,)], at_least) for name, values in motion.columns.items()),
+    ]  # fmt: skip
+    problems = []
+    for name, given, shapes, allowed in wanted:
+        array = given if isinstance(given, np.ndarray) and given.dtype.kind in "fiu" else None
+        if array is not None and array.shape in shapes and np.isfinite(array).all():
+            continue
+        if array is None:
+            found = describe(given)
+        elif array.shape not in shapes:
+            found = f"an array of shape {array.shape}"
+        else:
+            row = int(np.argwhere(~np.isfinite(array))[0][0])
+            found = f"{array[~np.isfinite(array)][0]} in row {row}"
+        message = f"{who} gave {found} as {name}; allowed: an array of finite numbers {allowed}"
+        problems.append(Problem("", 0, 0, "reference", message))
+    if problems:
+        raise InputError(*problems)
+
+
+def percent(share: float) -> str:
+    """A share in two digits, such as `12 %`, `0.44 %` or `100 %`."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"  # noqa: PLR2004 - two digits
+
+
+def beyond_ranges(motion: Motion, robot: RobotModel) -> str:
+    """Which controls a motion alone asks for that are beyond their ranges, and so cut; empty if none is."""
+    low, high = control_ranges(robot)
+    targets, found = motion.targets, []
+    for i, name in enumerate(control_names(robot.model)):
+        share = float(((targets[:, i] < low[i]) | (targets[:, i] > high[i])).mean())
+        if share > 0:
+            found.append(
+                f"'{name}' for {targets[:, i].min():.6g} to {targets[:, i].max():.6g}, and its range is "
+                f"{low[i]:.6g} to {high[i]:.6g} (in {percent(share)} of the run)"
+            )
+    return "; ".join(found)
 
 
 REFERENCES: Registry[Reference] = Registry("references", Reference, "circuitkit.simulation.references")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from circuitkit.simulation.effects import BodyForce
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.measures import SURVIVED
 from circuitkit.simulation.recording import Recording
+from circuitkit.simulation.reference import percent
 from circuitkit.simulation.scenario import Scenario
 
 
@@ -111,6 +113,30 @@ class Result:
         """Whether surviving means no more than not to be ended by `until`."""
         return self.scenario.formulas[SURVIVED].split() == ["not", "ended"]
 
+    @cached_property
+    def interventions(self) -> Mapping[str, Mapping[str, tuple[float, float]]]:
+        """What was cut, missing, held and replaced; see `Recording.interventions`."""
+        return self.recording.interventions()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of the verdict must know of commands and readings; each a line."""
+        lasted_s = self.recording.ended_s() or self.recording.ticks * self.recording.step_s
+        fallback = self.scenario.fallback
+        found = []
+        for kind, by_name in self.interventions.items():
+            for name, (first_s, total_s) in by_name.items():
+                spell = f"for {total_s:.4g} s, first at {first_s:.4g} s"
+                found.append(
+                    {
+                        "clamped": f"{name} was at its limit in {percent(total_s / lasted_s)} of the run",
+                        "missing": f"{name} was missing {spell}",
+                        "held": f"{name} was not commanded {spell}: the last command was held",
+                        "fallback": f"{name} was not commanded {spell}: fallback {fallback}",
+                    }[kind]
+                )
+        return tuple(found)
+
     def row(self) -> dict[str, Any]:
         """The result for a table or for JSON."""
         first = self.pushes[0] if self.pushes else None
@@ -129,6 +155,13 @@ class Result:
             "invalid": self.invalid,
             "warnings": dict(self.recording.warnings[0]),
             **self.measures,
+            "interventions": {
+                kind: {
+                    name: {"first_s": first_s, "total_s": total_s}
+                    for name, (first_s, total_s) in by_name.items()
+                }
+                for kind, by_name in self.interventions.items()
+            },
             "interrupted": self.interrupted or self.recording.interrupted,
             "notes": list(self.notes),
             "recording": None if self.path is None else str(self.path),

@@ -38,6 +38,7 @@ from circuitkit.circuit import CircuitGraph
 from circuitkit.robots import Robot
 from circuitkit.simulation.disturbance import Disturbance, item_class
 from circuitkit.simulation.disturbances.push import Push, check_direction
+from circuitkit.simulation.fallback import FallbackKind
 from circuitkit.simulation.measures import MEASURES
 from circuitkit.simulation.reference import REFERENCES, Reference
 
@@ -213,6 +214,14 @@ class Scenario(FileModel, metaclass=_TakesObjects):
         description="Time between two commands; that of the reference, else that of the circuit, if absent.",
     )
     duration: Seconds = Field(gt=0, le=LONGEST_S, description="How long the run lasts.")
+    fallback: FallbackKind = Field(
+        default="hold",
+        description="What takes the place of a command that does not come (is not a number): hold, the last "
+        "one; zero; or open_loop, all commands of the robot zero, so that the reference is alone.",
+    )
+    fallback_after: Seconds = Field(
+        default=0.1, ge=0, description="How long the last command is held before the fallback."
+    )
     disturbances: Any = ()
     until: str | None = Field(default=None, description="Condition that ends the run.")
     valid: str | None = Field(

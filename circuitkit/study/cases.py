@@ -20,7 +20,7 @@ from circuitkit.simulation.effects import require_before
 from circuitkit.simulation.formulas import Value
 from circuitkit.simulation.plan import Body, Circuits, make_body
 from circuitkit.simulation.scenario import LONGEST_S
-from circuitkit.study.spec import INVALID, RMS
+from circuitkit.study.spec import INVALID, is_measure
 
 FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
 _NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself
@@ -122,8 +122,9 @@ class Outcome:
 
     Attributes:
         seed: Its seed.
-        values: The scenario's measures, and `rms_COMMAND`, the root mean square of every command of the
-            controller up to the end, [SI unit]; None for what has no value.
+        values: The scenario's measures, `clamped_share`, the part of the run in which commands were cut to
+            their limits, and `rms_COMMAND`, the root mean square of every command of the controller up to the
+            end, [SI unit]; None for what has no value.
         invalid: When and why its physics became invalid, so that nothing has a value; None if it did not.
     """
 
@@ -145,7 +146,7 @@ class Outcome:
         """
         if measure not in self.values:
             kind = "measure"
-            raise UnknownNameError(kind, measure, (name for name in self.values if not name.startswith(RMS)))
+            raise UnknownNameError(kind, measure, filter(is_measure, self.values))
         value = self.values[measure]
         if value is not None and not isinstance(value, bool):
             message = f"found the measure '{measure}', which is a number; allowed: one that is true or false"

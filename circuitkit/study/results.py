@@ -14,7 +14,7 @@ from circuitkit.base.errors import CircuitkitError, MissingDependencyError, list
 from circuitkit.base.units import format_quantity, parse_quantity
 from circuitkit.study.cases import Case, Outcome
 from circuitkit.study.search import Verdict, boundary, verdict, verdicts_of_one
-from circuitkit.study.spec import INVALID, RESERVED, RMS, Cell, Label, Study
+from circuitkit.study.spec import INVALID, RESERVED, Cell, Label, Study, is_measure
 
 if TYPE_CHECKING:
     import pyarrow
@@ -44,7 +44,7 @@ def measures_in(study: Study, rows: Iterable[Row]) -> list[str]:
     searched = () if study.search is None else (study.search.field,)
     others = {*study.axes, *searched, *RESERVED}
     names = dict.fromkeys(name for row in rows for name in row if name not in others)
-    return [*(n for n in names if not n.startswith(RMS)), *sorted(n for n in names if n.startswith(RMS))]
+    return [*filter(is_measure, names), *sorted(n for n in names if not is_measure(n))]
 
 
 def rows_of(study: Study, runs: Iterable[Run]) -> tuple[Row, ...]:
@@ -428,7 +428,7 @@ class Results:
         """The means of all measures but the condition; those of commands are left out."""
         means = {}
         for name in measures_in(self.study, rows):
-            if name != condition and not name.startswith(RMS):
+            if name != condition and is_measure(name):
                 values = [float(row[name]) for row in rows if row.get(name) is not None]
                 means[name] = sum(values) / len(values) if values else math.nan
         return means

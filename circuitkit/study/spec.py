@@ -33,11 +33,17 @@ INVALID = "invalid"  # the column that says when and why a run became invalid
 RESERVED = ("seed", INVALID, "scenario", "version", "key")  # columns that every table of results has
 MOST_SEEDS, MOST_CELLS, MOST_STEPS = 1_000_000, 1_000_000, 1_000_000
 RMS = "rms_"  # what the columns of commands begin with
+CLAMPED = "clamped_share"  # the column that says in which part of a run commands were cut to their limits
 
 # A value of an axis: as in the file, or in SI units where it has one.
 Label: TypeAlias = "str | int | float | bool | None"
 # What is changed: fields by path, such as {"push.force": "20 N"}.
 Settings: TypeAlias = Mapping[str, Any]
+
+
+def is_measure(column: str) -> bool:
+    """Whether a column of an outcome is a measure of the scenario, and not one about commands."""
+    return column != CLAMPED and not column.startswith(RMS)
 
 
 def _axis(value: object) -> object:

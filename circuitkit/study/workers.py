@@ -25,7 +25,7 @@ from circuitkit.base.errors import CircuitkitError, MissingDependencyError, list
 from circuitkit.simulation import Disturbance, RunSpec
 from circuitkit.simulation.loop import run_and_watch
 from circuitkit.study.cases import Case, Outcome, plan_of
-from circuitkit.study.spec import RMS
+from circuitkit.study.spec import CLAMPED, RMS
 
 # One thread each for the libraries below numpy: the processes share the cores already.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
@@ -99,9 +99,12 @@ def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | Circuit
             some = _outcomes(case, tuple(specs[i] for i in chosen))
             found |= dict(zip(chosen, some, strict=True))
         return tuple(found[i] for i in range(len(specs)))
-    each = zip(specs, tracker.measures(), tracker.effort(), tracker.invalid, strict=True)
+    each = zip(
+        specs, tracker.measures(), tracker.effort(), tracker.clamped().tolist(), tracker.invalid, strict=True
+    )
     return tuple(
-        Outcome(spec.seed, {**measures, **_named(effort)}, why) for spec, measures, effort, why in each
+        Outcome(spec.seed, {**measures, CLAMPED: clamped, **_named(effort)}, why)
+        for spec, measures, effort, clamped, why in each
     )
 
 

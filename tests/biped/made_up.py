@@ -13,6 +13,7 @@ from circuitkit import parse_circuit
 from circuitkit.biped.gait import Walk, load_gait, plan_walk
 from circuitkit.biped.thresholds import ThresholdMeasure, Thresholds, threshold_lines
 from circuitkit.control import Array
+from circuitkit.robots import TickLog
 from circuitkit.simulation import Motion, Recording, Reference, RunSpec
 from circuitkit.simulation.disturbance import draw_effects
 from circuitkit.simulation.disturbances.push import Push
@@ -110,7 +111,7 @@ def judged(readings: Array, specs: tuple[RunSpec, ...]) -> Recording:
     ticks, batch, _ = readings.shape
     effects = draw_effects(specs, nao(), Reference(), ticks, 0.01)
     judge = judge_of_edges()
-    tracker = Tracker(nao(), standing(), effects, judge, (), step_s=0.01, ticks=ticks)
+    tracker = Tracker(nao(), standing(), effects, judge, (), step_s=0.01, ticks=ticks, cut=TickLog())
     nothing = np.zeros((ticks, batch, 0))
     tracker.look(readings, nothing)
     return Recording(

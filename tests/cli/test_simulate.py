@@ -47,7 +47,7 @@ LONGEST_S = {"hexapod": 6.0, "nao": 9.0}  # both are harmed after 5 s; others ar
 
 
 def made_up(row, outcome="stood"):
-    return SimpleNamespace(row=lambda: row, backend="backend numpy", outcome=outcome, units=UNITS)
+    return SimpleNamespace(row=lambda: row, backend="backend numpy", outcome=outcome, units=UNITS, remarks=())
 
 
 @pytest.fixture

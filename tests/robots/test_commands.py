@@ -71,6 +71,7 @@ def controls(model, commands, values, targets=None):
 def test_a_control_is_what_is_held_plus_the_commands_by_their_factors(mixed, one, two):
     found = controls(mixed, ("both", "turn"), [[one, two]])
     expected = mixed.held + np.clip(one, -2, 2) * np.array([3, 0, -0.5]) + two * np.array([1, -1, 0])
+    expected = np.clip(expected, *mixed.model.actuator_ctrlrange.T)
     np.testing.assert_allclose(found, [expected], atol=1e-12)
 
 
@@ -95,7 +96,7 @@ def test_each_robot_of_a_batch_gets_its_own(mixed):
 
 
 def test_targets_go_on_with_the_last_one(mixed):
-    targets = np.arange(6.0).reshape(2, 3)
+    targets = np.arange(6.0).reshape(2, 3) / 100
     worlds = Worlds(mixed, 0.01, targets, mixed.start_qpos)
     for tick, row in ((0, 0), (1, 1), (5, 1)):
         worlds.advance(tick, np.zeros((1, 0)))
@@ -103,7 +104,8 @@ def test_targets_go_on_with_the_last_one(mixed):
 
 
 def test_a_limit_of_a_command_that_is_not_used_binds_nobody(mixed):
-    assert controls(mixed, ("turn",), [[9.0]])[0, 1] == -9.0
+    assert controls(mixed, ("both",), [[0.01]])[0, 1] == 0.0
+    assert controls(mixed, ("turn",), [[0.09]])[0, 1] == -0.09
 
 
 def test_a_command_that_the_robot_does_not_have(mixed):

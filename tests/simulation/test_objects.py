@@ -273,12 +273,14 @@ def told(**changes):
             "allowed: each name once"),
         (told(step=None), "controller.step: found nothing; allowed: a method"),
         (told(name=3), "controller.name: found 3; allowed: a text"),
-        (Returning(None), f"controller.step: found nothing; allowed: {SHAPE}"),
-        (Returning([[1.0]]), f"controller.step: found a list of 1; allowed: {SHAPE}"),
-        (Returning(1.0), f"controller.step: found 1.0; allowed: {SHAPE}"),
-        (Returning(np.zeros(1)), f"controller.step: found an array of shape (1,); allowed: {SHAPE}"),
-        (Returning(np.zeros((2, 1))), f"controller.step: found an array of shape (2, 1); allowed: {SHAPE}"),
-        (Returning(np.array([["a"]])), f"controller.step: found an array of shape (1, 1); allowed: {SHAPE}"),
+        (Returning(None), f"controller.'told'.step: found nothing; allowed: {SHAPE}"),
+        (Returning([[1.0]]), f"controller.'told'.step: found a list of 1; allowed: {SHAPE}"),
+        (Returning(1.0), f"controller.'told'.step: found 1.0; allowed: {SHAPE}"),
+        (Returning(np.zeros(1)), f"controller.'told'.step: found an array of shape (1,); allowed: {SHAPE}"),
+        (Returning(np.zeros((2, 1))), "controller.'told'.step: found an array of shape (2, 1); "
+            f"allowed: {SHAPE}"),
+        (Returning(np.array([["a"]])), "controller.'told'.step: found an array of shape (1, 1); "
+            f"allowed: {SHAPE}"),
     ],
 )  # fmt: skip
 def test_what_is_no_controller_is_told_what_one_is(cart, controller, said):
@@ -297,20 +299,16 @@ def test_what_bind_gives_is_checked_as_well(cart):
         simulate(Scenario(robot=cart, duration=0.1, control_step=0.01), controller=Binding())
 
 
-def test_the_shape_is_asked_for_in_the_first_tick_only(cart):
-    """No later tick pays for it: what `step` gives is looked at once."""
+def test_commands_of_another_shape_in_a_later_tick(cart):
+    class Shrinking(Told):
+        def step(self, observation):
+            found = super().step(observation)
+            return found if self._tick < 20 else found[0]
 
-    class Looked(np.ndarray):
-        asked = 0
-
-        @property
-        def shape(self):
-            Looked.asked += 1
-            return super().shape
-
-    controller = Returning(np.zeros((1, 1)).view(Looked))
-    simulate(Scenario(robot=cart, duration=0.5, control_step=0.01), controller=controller)
-    assert 1 <= Looked.asked < 50
+    with pytest.raises(InputError) as caught:
+        simulate(Scenario(robot=cart, duration=0.5, control_step=0.01), controller=Shrinking(force=1.0))
+    said = f"controller.'told'.step: found an array of shape (1,); allowed: {SHAPE}"
+    assert str(caught.value) == said + PROTOCOL
 
 
 # --- controllers --------------------------------------------------------------------------------------------

@@ -247,11 +247,13 @@ def test_columns_are_named_with_their_si_units(caught):
     expected = {
         "time_s", "push_n", "place_m", "speed_m_s", "angle_rad", "twice_m", "pull_n", "slide_m", "hinge_rad",
         "input_angle", "neuron_right", "neuron_left", "output_force", "input_missing",
+        "held_force",
     }  # fmt: skip
     assert set(columns) == expected
     assert all(values.shape == (caught.recording.ticks,) for values in columns.values())
     np.testing.assert_array_equal(columns["twice_m"], 2 * columns["place_m"])
     assert np.isnan(columns["input_angle"]).sum() == columns["input_missing"].sum() == 5
+    np.testing.assert_array_equal(columns["held_force"], columns["input_missing"])
     assert columns["push_n"].sum() * 0.01 == pytest.approx(0.3)
 
 

@@ -95,6 +95,7 @@ _IN_SI = PlainSerializer(lambda quantity: quantity.value_si, return_type=float)
 Stiffness = Annotated[Quantity, PlainValidator(_either("N*m/rad", "N/m", 100)), _IN_SI, _SCHEMA]
 Damping = Annotated[Quantity, PlainValidator(_either("N*m*s/rad", "N*s/m", 3.55, zero=True)), _IN_SI, _SCHEMA]
 Effort = Annotated[Quantity, PlainValidator(_either("N*m", "N", 14.8)), _IN_SI, _SCHEMA]
+Reach = Annotated[Quantity, PlainValidator(_either("rad", "m", 0.5, zero=True)), _IN_SI, _SCHEMA]
 RadiansPerMetre = Annotated[float, BeforeValidator(_reader("rad/m", "8 rad/m")), _SCHEMA]
 RadianSecondsPerMetre = Annotated[float, BeforeValidator(_reader("rad*s/m", "0.2 rad*s/m")), _SCHEMA]
 PerSecondToTheSixth = Annotated[float, BeforeValidator(_reader("1/s^6", "1e6 1/s^6")), _SCHEMA]

@@ -189,7 +189,7 @@ class CaptureStep:
     decays with the time constant `blend_back`.
 
     The DCM is that of the true CoM, from the foot that carries (`SensedCom`). What the ankles can hold is
-    `holdable_dcm`. Where a reading is missing (not a number), that robot's command stays what it was.
+    `holdable_dcm`. Where a reading is missing (not a number), so are the commands that need it.
     """
 
     def __init__(self, spec: CaptureStepSpec, reference: WalkReference) -> None:
@@ -226,7 +226,6 @@ class CaptureStep:
         self._ankle_trace = np.zeros((batch, len(self._ankles.trace_names)))
         self._decision_trace = np.zeros((batch, len(self._decision.trace_names)))
         self._offset_m = np.zeros((batch, 2))  # of each foot, outward
-        self._command = np.zeros((batch, len(self.commands)))
 
     def seed_noise(self, seeds: Sequence[int]) -> None:
         """Let the noise of both circuits follow from the robots' seeds."""
@@ -249,10 +248,9 @@ class CaptureStep:
         there = np.isfinite(dcm)
         self._offset_m[there] = self._placed(tick, delta, shares)[there]
         command = np.column_stack([lean * shares[:, :1], self._leg_angles()])
-        self._command = np.where(there[:, None], command, self._command)
         error = dcm - plan.dcm_m[tick]
         self._shown = np.column_stack([error, delta, told, shares])
-        return self._command
+        return np.where(there[:, None], command, np.nan)
 
     def store_trace(self, row: Array) -> None:
         """Write the DCM's error, the step law, what decides and is decided, and the neurons; shape (B, n)."""

@@ -67,7 +67,7 @@ class DcmAnkle:
 
     Theta is the lean that moves the body towards +y; the rate e' is a difference over one control step behind
     a low-pass; xi_walk is the DCM of the undisturbed walk, see `ComFeedback`. Where a reading is missing (not
-    a number), that robot's command stays what it was.
+    a number), so is the command.
     """
 
     def __init__(self, spec: DcmAnkleSpec, reference: WalkReference) -> None:
@@ -92,7 +92,7 @@ class DcmAnkle:
         """Start again, with `batch` robots."""
         shape = (batch, len(self.commands))
         self._tick = 0
-        self._error, self._rate, self._command = np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)
+        self._error, self._rate = np.full(shape, np.nan), np.zeros(shape)
 
     def step(self, observation: Array) -> Array:
         """The ankles' angles; shape (B, m), [rad]."""
@@ -102,13 +102,12 @@ class DcmAnkle:
         grown = np.where(there & np.isfinite(self._error), error - self._error, 0.0) / self._step_s
         rate = self._keep * self._rate + (1.0 - self._keep) * grown
         lean = -(self._proportional * error + self._derivative * rate)
-        command = self._signs * np.clip(lean, -self._limit, self._limit)
-        self._command = np.where(there, command, self._command)
+        command: Array = self._signs * np.clip(lean, -self._limit, self._limit)
         self._rate = np.where(there, rate, self._rate)
         self._error = np.where(there, error, self._error)
         self._tick += 1
         self._shown = error
-        return self._command
+        return command
 
     def store_trace(self, row: Array) -> None:
         """Write the errors of the DCM; shape (B, n), [m]."""

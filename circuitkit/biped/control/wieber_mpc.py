@@ -140,7 +140,7 @@ class WieberMpc:
             pendulum.reset(batch)
 
     def step(self, observation: Array) -> Array:
-        """The ankles' angles; shape (B, m), [rad]."""
+        """The ankles' angles; shape (B, m), [rad]; not a number where a reading is missing."""
         trace = self._trace
         thought = np.stack([pendulum.deviation() for pendulum in self._pendulums], axis=-1)
         position, velocity = self._feedback.correction(
@@ -154,7 +154,7 @@ class WieberMpc:
             sign = self._signs[number]
             self._command[:, number] = np.where(there, sign * lean, self._command[:, number])
         self._tick += 1
-        return self._command
+        return np.where(there[:, None], self._command, np.nan)
 
     def store_trace(self, row: Array) -> None:
         """Write what is wanted of CoM and ZMP, an axis each; shape (B, n), [m]."""

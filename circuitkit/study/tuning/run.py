@@ -16,7 +16,7 @@ from circuitkit.base.units import format_quantity
 from circuitkit.circuit import load_circuit
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case, fingerprint, plan_of
-from circuitkit.study.spec import RMS
+from circuitkit.study.spec import CLAMPED, RMS
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.measure import Measure, Progress, Reporter
 from circuitkit.study.tuning.objective import LIMIT, Score
@@ -288,7 +288,7 @@ def _columns(case: Case) -> tuple[str, ...]:
     """The columns of a case's results that a figure can be, known without a run."""
     plan = plan_of(case)
     commands = plan.controller(case.controller).commands
-    return (*plan.judge.units, *(f"{RMS}{name}" for name in commands))
+    return (*plan.judge.units, CLAMPED, *(f"{RMS}{name}" for name in commands))
 
 
 def _placed(tuning: Tuning, condition: Condition, problem: Problem) -> Problem:

@@ -246,17 +246,16 @@ def test_who_acts_is_up_to_the_circuit(reference, tmp_path):
     assert fed.traced("ankle_share") == 0.5
 
 
-def test_a_missing_reading_holds_that_robot_only(reference):
+def test_a_missing_reading_leaves_that_robot_only_without_commands(reference):
     fed, alone = Fed(reference, batch=2), Fed(reference)
     fed.until(130), alone.until(130)
-    held = fed.step(-0.2)
-    alone.step(-0.2)
+    fed.step(-0.2), alone.step(-0.2)
     rows = fed.seen(0.0)
     rows[0] = np.nan
     commands = fed.controller.step(rows)
     expected = alone.step(0.0)
     for i, name in enumerate(fed.controller.commands):
-        assert commands[0, i] == held[name][0]
+        assert np.isnan(commands[0, i])
         assert commands[1, i] == expected[name][0]
 
 

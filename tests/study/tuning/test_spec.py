@@ -109,7 +109,7 @@ MISTAKES = [
     ),
     (
         ("figure: rms_ankle_roll", "figure: ¦rms_ankle_rol"),
-        "recovery_time_s, rms_ankle_roll; did you mean 'rms_ankle_roll'?",
+        "recovery_time_s, clamped_share, rms_ankle_roll; did you mean 'rms_ankle_roll'?",
     ),
     (("figure: survived", "figure: ¦seed"), "unknown figure 'seed'; allowed: limit, survived, "),
     (
