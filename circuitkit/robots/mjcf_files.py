@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-import mujoco
 import numpy as np
 
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")  # attributes that say where files are looked for
 _VERBS = {"include": "includes", "model": "attaches"}  # by the element that names a file
+# Of a compiled model: where its files lie, the sizes with those of these paths, and its address.
+_OF_PATHS = re.compile("^_|pathadr|^npaths$|^nbuffer$")
 _IN_QUOTES = re.compile(r"""=\s*["']([^"']+)["']""")
 
 
@@ -91,9 +92,15 @@ def compiled_sum(path: Path) -> str:
         InputError: It cannot be read, or MuJoCo refuses it.
     """
     model = compile_mjcf(read_mjcf(path), path)
-    buffer = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    return hashlib.sha256(buffer.tobytes()).hexdigest()
+    summed = hashlib.sha256()
+    for part in (model, model.opt, model.stat):
+        for name in sorted(vars(type(part))):
+            value = getattr(part, name)
+            if isinstance(value, np.ndarray | np.generic | int | float) and not _OF_PATHS.search(name):
+                array = np.asarray(value)
+                summed.update(f"{name} {array.dtype} {array.shape} ".encode() + array.tobytes())
+    summed.update(model.names + model.text_data)
+    return summed.hexdigest()
 
 
 def _read(file: Path, title: str) -> _File:

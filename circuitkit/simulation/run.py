@@ -179,9 +179,9 @@ def _names(given: Sequence[Controller | str | Path], bound: Sequence[Controller]
     stems = [_word(path.stem) for path in paths]
     found: list[str] = []
     for path, stem in zip(paths, stems, strict=True):
-        alike = [other for other, its in zip(paths, stems, strict=True) if its.casefold() == stem.casefold()]
-        is_bare = len(path.parts) == 1 and not path.suffix  # one that ships, or is built in, keeps its name
-        name = stem if is_bare or len(alike) == 1 else _told_apart(path, alike)
+        same = [i for i, its in enumerate(stems) if its.casefold() == stem.casefold()]
+        others = [paths[i] for i in same if paths[i] != path and not _is_bare(paths[i])]
+        name = stem if _is_bare(path) or len(same) == 1 else _told_apart(path, others)
         number, unique = 1, name
         while unique.casefold() in (each.casefold() for each in found):
             number += 1
@@ -190,11 +190,16 @@ def _names(given: Sequence[Controller | str | Path], bound: Sequence[Controller]
     return found
 
 
-def _told_apart(path: Path, alike: Sequence[Path]) -> str:
+def _is_bare(path: Path) -> bool:
+    """Whether it is a name, of what ships or is built in, and no path."""
+    return len(path.parts) == 1 and not path.suffix
+
+
+def _told_apart(path: Path, others: Sequence[Path]) -> str:
     """The last parts of a path that no other one ends in, joined to one word."""
     parts = path.with_suffix("").absolute().parts[1:]
-    others = [other.with_suffix("").absolute().parts for other in alike if other != path]
-    count = next((n for n in range(2, len(parts)) if all(o[-n:] != parts[-n:] for o in others)), len(parts))
+    its = [other.with_suffix("").absolute().parts for other in others]
+    count = next((n for n in range(2, len(parts)) if all(o[-n:] != parts[-n:] for o in its)), len(parts))
     return "_".join(map(_word, parts[-count:]))
 
 

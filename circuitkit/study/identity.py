@@ -38,6 +38,7 @@ _OURS = circuitkit.__name__
 _MOST_SHOWN = 6
 _LONGEST = 60_000  # letters that a TEXT of MySQL and a name of Optuna's JSON take
 _OF_ALL = ("is ", "was ", "says ")  # what is told of a thing as a whole begins with one of these
+_OTHER_FORMS = "says something else in some of the runs"  # may well follow from what another file says
 _COMPILED = "what MuJoCo compiles of"
 _SAID = {"servo_profile", "connect", "silenced", "control_step", "duration", "until"}  # of a scenario
 
@@ -47,11 +48,13 @@ class Part:
 
     Attributes:
         title: What it is in words, such as `circuit binn_lateral`; it does not count.
+        folder: Of files, where they lie, in words; None for anything else.
     """
 
-    def __init__(self, title: str, make: Callable[[], Any]) -> None:
+    def __init__(self, title: str, make: Callable[[], Any], folder: Path | None = None) -> None:
         """Say what it is, and how its data is made."""
         self.title = title
+        self.folder = folder
         self._make = make
         self._data: Any = None
         self._digest = ""
@@ -68,6 +71,13 @@ class Part:
         """Equal for parts that say the same."""
         self._digest = self._digest or digest(self.data)
         return self._digest
+
+    def titled(self) -> Iterator[tuple[str, Any]]:
+        """Its data by title; of files, that of each."""
+        if self.folder is None:
+            yield self.title, self.data
+        else:
+            yield from ((str(self.folder / name), data) for name, data in self.data.items())
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Other processes get the checksum alone."""
@@ -92,12 +102,9 @@ def robot_parts(robot: Robot, name: str) -> dict[str, Part]:
     def file() -> Any:  # noqa: ANN401 - plain data
         return {key: value for key, value in plain(robot).items() if key != "mjcf"}  # where it lies
 
-    def files() -> dict[str, Any]:
-        return {str(folder / title): data for title, data in mjcf_files(path).items()}
-
     return {
         "robot": Part(f"robot {name}", file),
-        "MJCF": Part("", files),
+        "MJCF": Part(f"files of {folder / path.name}", lambda: mjcf_files(path), folder),
         "model": Part(f"{_COMPILED} {folder / path.name}", lambda: {"sha256": compiled_sum(path)}),
     }
 
@@ -212,6 +219,7 @@ class Identity:
             return "what it was is not known in detail"
         found = dict(self._named(old["data"], old.get("forms", {})))
         causes = {title: each for title, each in found.items() if not title.startswith(_COMPILED)} or found
+        causes = {title: each for title, each in causes.items() if each != [_OTHER_FORMS]} or causes
         # Each is told with its title where that begins, and without it as long as it lasts.
         texts = [text for title, (first, *more) in causes.items() for text in (_titled(title, first), *more)]
         shown = texts[:_MOST_SHOWN] or ["some of the runs are others"]
@@ -226,7 +234,7 @@ class Identity:
             elif named := list(differences(data[title], self.data[title])):
                 yield title, named
             elif forms.get(title) != self.forms.get(title):
-                yield title, ["says something else in some of the runs"]
+                yield title, [_OTHER_FORMS]
 
 
 def _titled(title: str, text: str) -> str:
@@ -256,7 +264,7 @@ def identity_of(
     whole = []
     for label, parts in cases:
         for part in parts.values():
-            for title, each in part.data.items() if not part.title else ((part.title, part.data),):
+            for title, each in part.titled():
                 data.setdefault(title, each)
             forms.setdefault(part.title, set()).add(part.digest)
         whole.append([label, {kind: part.digest for kind, part in parts.items()}])

@@ -58,7 +58,9 @@ def plain(value: Any, keys: set[str] | None = None) -> Any:  # noqa: ANN401, C90
         return _without_words(value, value.model_dump(mode="json", include=keys, context=_quantity))
     if isinstance(value, Quantity):
         return _quantity(value.value_si, value.dimension.si_symbol, str(value))
-    if isinstance(value, Unit | Expression | Path):
+    if isinstance(value, Unit):
+        return value.dimension.si_symbol  # values are in SI units, whatever they are shown in
+    if isinstance(value, Expression | Path):
         return str(value)
     if isinstance(value, CircuitGraph):
         return _of_circuit(value)
