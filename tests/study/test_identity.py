@@ -7,7 +7,7 @@ import json
 import os
 import pickle
 import shutil
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from small_tuning import written
 from circuitkit.base.errors import CircuitkitError, InputError
 from circuitkit.base.units import parse_quantity
 from circuitkit.circuit import parse_circuit
+from circuitkit.robots import load_robot
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.robots.mjcf_files import mjcf_files
 from circuitkit.study import cases, make_study, open_workers, read_results, sweep
@@ -185,6 +186,37 @@ def test_values_of_every_type_are_plain_data():
     assert plain(Part("x", dict)) == {"class": "circuitkit.study.identity.Part"}
 
 
+@dataclass(frozen=True)
+class Thing:
+    """Something with words, and with a place that does not count."""
+
+    size: float
+    description: str = "words"
+    place: int = field(default=1, compare=False)
+
+
+def test_words_and_places_are_left_out_and_names_that_only_look_like_words_are_not():
+    assert plain([Thing(0.5)]) == [{"size": 0.5}]
+    assert plain({"description": "a channel of this name"}) == {"description": "a channel of this name"}
+    graph = parse_circuit(CIRCUIT)
+    model = graph.neurons[0].model
+    told = replace(graph.neurons[0], model=replace(model, description="Words.", source="A book."))
+    assert plain(replace(graph, neurons=(told,))) == plain(graph)
+    # Two models of one name stand for themselves.
+    other = replace(graph.neurons[0], name="m", model=replace(model, increasing=("slope",)))
+    both = plain(replace(graph, neurons=(*graph.neurons, other)))
+    assert [each["model"] for each in both["neurons"]] == ["sigmoid", "sigmoid'"]
+    assert both["models"]["sigmoid'"]["increasing"] == ["slope"]
+
+
+def test_words_within_models_of_files_are_left_out(lab):
+    path = lab / "robot" / "robot.yaml"
+    before = plain(load_robot(path))
+    edited(path, "is: joint(slide)", "is: joint(slide)\n    description: Where it is.")
+    assert plain(load_robot(path)) == before
+    assert "description" not in before["channels"]["place"]
+
+
 def test_quantities_that_look_alike_are_told_apart_by_all_digits():
     first, second = (plain(parse_quantity(text)) for text in ("1 s", "1.0000000001 s"))
     assert list(differences({"t": first}, {"t": second})) == ["t was 1.0 s, is 1.0000000001 s"]
@@ -337,6 +369,8 @@ def test_an_edited_mesh_is_compiled_anew_within_the_same_second(lab):
 
 def test_files_that_files_name_are_found_wherever_they_lie(tmp_path):
     (tmp_path / "sub" / "tex").mkdir(parents=True)
+    (tmp_path / "plain").write_text("no suffix")
+    (tmp_path / "bare.txt").write_text("in the same folder")
     for name in ("sub/inner.xml", "sub/tex/deep.bin", "sub/set.json", "side.png", "none.bin"):
         (tmp_path / name).write_text(name)
     (tmp_path / "sub/inner.xml").write_text(
@@ -345,11 +379,13 @@ def test_files_that_files_name_are_found_wherever_they_lie(tmp_path):
     (tmp_path / "sub/broken.xml").write_text('<mujoco><b file="../side.png">')
     (tmp_path / "top.xml").write_text(
         '<mujoco><include file="sub/inner.xml"/><plugin><config key="k" value="sub/set.json"/></plugin>'
-        '<model file="sub/broken.xml"/><c file="gone.bin"/><d file="sub/none.bin" fileup=""/></mujoco>'
+        '<model file="sub/broken.xml"/><c file="gone.bin"/><d file="sub/none.bin" fileup="plain"/>'
+        '<e at="bare.txt"/></mujoco>'
     )
     assert list(mjcf_files(tmp_path / "top.xml")) == [
         "top.xml", "sub/inner.xml, which top.xml includes", "sub/set.json, which top.xml loads",
         "sub/broken.xml, which top.xml attaches", "none.bin, which top.xml loads",
+        "plain, which top.xml loads", "bare.txt, which top.xml loads",
         "sub/tex/deep.bin, which inner.xml loads", "side.png, which broken.xml loads",
     ]  # fmt: skip
 
