@@ -94,6 +94,7 @@ class BoundCircuit:
         commands: The commands that its outputs write.
         trace_names: Its neurons.
         backend: What runs it, and why that.
+        backends: The name of what runs it, by the name of the circuit.
     """
 
     def __init__(
@@ -122,6 +123,7 @@ class BoundCircuit:
         self._known: dict[bytes, Dependence] = {}
         self.trace_names = tuple(program.neuron_names)
         self.backend = program.note or f"backend {program.backend}"
+        self.backends: Mapping[str, str] = {name: program.backend}
         self.reset(1)
 
     def reset(self, batch: int) -> None:

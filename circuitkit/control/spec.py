@@ -55,6 +55,10 @@ class ControllerSpec(FileModel):
         """The circuits that the file names, by key; none for most kinds."""
         return {}
 
+    def packages(self) -> tuple[str, ...]:
+        """Distributions of others that compute for it, on whose versions its commands depend."""
+        return ()
+
 
 KINDS: Registry[ControllerSpec] = Registry("controllers", ControllerSpec, "circuitkit.control")  # type: ignore[type-abstract]  # as the base of classes
 

@@ -44,6 +44,8 @@ def read_mjcf(path: Path) -> Any:  # noqa: ANN401 - MjSpec is not typed
         InputError: It cannot be read; says why.
     """
     require_files(path)
+    # MuJoCo keeps assets by name and by the second of their last change: an edited mesh may be the old one.
+    mujoco.mj_clearCache(mujoco.mj_getCache())
     with _said_by_mujoco(path):
         what = f"MuJoCo {mujoco.__version__} cannot read it"
         spec = _or_complain(path, what, lambda: mujoco.MjSpec.from_file(str(path)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -113,15 +114,15 @@ def compare(
     loaded = _loaded(scenario, robot)
     plan = make_plan(loaded, circuit, settings, backend)
     bound = [plan.controller(each) for each in controllers]
-    names = _folder_names(
-        [str(c) if isinstance(c, str | Path) else b.name for c, b in zip(controllers, bound, strict=True)]
-    )
+    names = _names(controllers, bound)
+    called = [each.name for each in bound]
     folder = None if output is None else Path(output)
     results = []
     with one_run(folder):
         for each, name in zip(bound, names, strict=True):
             own = None if folder is None else folder / name
-            results.append(_run(plan, each, push, seed, own, progress=progress))
+            shown = name if called.count(each.name) > 1 else each.name
+            results.append(_run(plan, each, push, seed, own, shown, progress=progress))
             if results[-1].recording.interrupted:
                 break
         if folder is not None:
@@ -172,17 +173,47 @@ def _loaded(scenario: Scenario | str | Path, robot: Robot | str | Path | None) -
     return loaded.model_copy(update={"robot": given})
 
 
-def _folder_names(names: Sequence[str]) -> list[str]:
-    """A folder's name for each controller: the file's own name, and a number where two have the same."""
+def _names(given: Sequence[Controller | str | Path], bound: Sequence[Controller]) -> list[str]:
+    """A name for each controller, for its folder, that no other has, whatever the letters' case.
+
+    It is a file's own name, as much of the folders before it as tells it from others of that name, or the
+    name of the object; and a number behind, where that tells nothing, as of one controller that runs twice.
+    """
+    paths = [
+        Path(each) if isinstance(each, str | Path) else Path(_word(one.name))
+        for each, one in zip(given, bound, strict=True)
+    ]
+    stems = [_word(path.stem) for path in paths]
     found: list[str] = []
-    for name in names:
-        stem = Path(name).stem or "controller"
-        number, unique = 1, stem
-        while unique in found:
+    for path, stem in zip(paths, stems, strict=True):
+        same = [i for i, its in enumerate(stems) if its.casefold() == stem.casefold()]
+        others = [paths[i] for i in same if paths[i] != path and not _is_bare(paths[i])]
+        name = stem if _is_bare(path) or len(same) == 1 else _told_apart(path, others)
+        number, unique = 1, name
+        while unique.casefold() in (each.casefold() for each in found):
             number += 1
-            unique = f"{stem}_{number}"
+            unique = f"{name}_{number}"
         found.append(unique)
     return found
+
+
+def _is_bare(path: Path) -> bool:
+    """Whether it is a name, of what ships or is built in, and no path."""
+    return len(path.parts) == 1 and not path.suffix
+
+
+def _told_apart(path: Path, others: Sequence[Path]) -> str:
+    """The last parts of a path that no other one ends in, joined to one word."""
+    parts = path.with_suffix("").absolute().parts[1:]
+    its = [other.with_suffix("").absolute().parts for other in others]
+    count = next((n for n in range(2, len(parts)) if all(o[-n:] != parts[-n:] for o in its)), len(parts))
+    return "_".join(map(_word, parts[-count:]))
+
+
+def _word(text: str) -> str:
+    """A text as the name of a folder: neither empty, nor one with a meaning of its own."""
+    word = re.sub(r"[/\\\x00-\x1f]", "_", text).strip(". ")
+    return word or "controller"
 
 
 def _run(
@@ -191,16 +222,18 @@ def _run(
     push: str | None,
     seed: int | None,
     output: Path | None,
+    name: str = "",
     *,
     progress: bool,
 ) -> Result:
+    """Run a controller, which is then called `name`, if that is given."""
     scenario = plan.scenario
     spec = plan.own_spec(seed)
     if push is not None:
         spec = RunSpec(spec.seed, with_push(scenario, parse_push(push, scenario)))
     setup = _setup(plan, controller, spec, given=push is not None)
-    with progress_bar(controller.name, plan.ticks, shown=progress) as advance:
-        recording = run_loop(setup, advance)
+    with progress_bar(name or controller.name, plan.ticks, shown=progress) as advance:
+        recording = replace(run_loop(setup, advance), controller=name or controller.name)
     if recording.ticks == 0:
         raise KeyboardInterrupt
     backend = getattr(controller, "backend", "")

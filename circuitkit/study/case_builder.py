@@ -6,24 +6,23 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
 from circuitkit.base.errors import InputError, Problem, UnknownNameError
-from circuitkit.base.reading import read_bytes
 from circuitkit.base.source import Data, Document, Place, find_data_file, read_yaml, validate_model
-from circuitkit.control import ControllerSpec, load_controller, shipped_controllers
+from circuitkit.circuit import CircuitGraph
+from circuitkit.control import load_controller, shipped_controllers
 from circuitkit.control.spec import FOLDER as CONTROLLERS
 from circuitkit.control.spec import without_kind
-from circuitkit.robots import Robot, load_robot
-from circuitkit.robots.mjcf_files import MOST_MJCF
+from circuitkit.robots import load_robot
 from circuitkit.robots.spec import robot_class, robot_path
 from circuitkit.simulation import Reference, Scenario
 from circuitkit.simulation.plan import BUILT_IN, CIRCUIT, OPEN_LOOP, Circuits, control_step, load_circuits
 from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import FOLDER, LONGEST_S, scenario_class
-from circuitkit.study.cases import FILES, WATCH, Case, fingerprint, require_moments, watched
+from circuitkit.study.cases import FILES, WATCH, Case, require_moments, watched
 from circuitkit.study.changes import (
     Change,
     Complaints,
@@ -33,6 +32,8 @@ from circuitkit.study.changes import (
     read_change,
     without_gaps,
 )
+from circuitkit.study.identity import Part, all_versions, backend_part, robot_parts
+from circuitkit.study.plain import plain
 from circuitkit.study.spec import Cell, Settings, Study, beside, cell_of, value_text
 
 T = TypeVar("T")
@@ -44,13 +45,15 @@ class _File:
 
     Attributes:
         value: What was made of it.
-        says: All that it says, for fingerprints; it stays in memory as long as the builder.
-        numbers: The same as JSON data, for the description of a case; None if it changes nothing there.
+        parts: What it adds to the identity of a case.
+        numbers: What it says as JSON data, for the description of a case; None if it changes nothing there.
+        circuits: The circuits that it names.
     """
 
     value: Any
-    says: object
+    parts: Mapping[str, Part]
     numbers: Any = None
+    circuits: Mapping[str, CircuitGraph] = field(default_factory=dict)
 
 
 class CaseBuilder:
@@ -141,7 +144,7 @@ class CaseBuilder:
                 "controller": controller.numbers,
                 "robot": robot.numbers,
             },
-            inputs=self._inputs(scenario, robot, reference, controller, circuits),
+            parts=self._parts(scenario, robot, reference, controller, circuits),
         )
 
     def _changes(
@@ -268,8 +271,8 @@ class CaseBuilder:
                     document, robot_class(), self._with(document, inner), inner, 1
                 )
                 robot._document = document  # what `load_robot` does
-            says = (_without_paths(robot), read_bytes(robot.mjcf_path, "an MJCF file", MOST_MJCF).hex())
-            return _File(robot, says, robot.model_dump(mode="json") if inner else None)
+            parts = robot_parts(robot, str(scenario.robot))
+            return _File(robot, parts, robot.model_dump(mode="json") if inner else None)
 
         key = ("robot", file, _changed(inner))
         return self._once(key, lambda: self._complaints.guarded(make, "robot", [*outer, *inner]))
@@ -277,13 +280,15 @@ class CaseBuilder:
     def _reference(self, scenario: Scenario, outer: Sequence[Change], inner: Sequence[Change]) -> _File:
         """The reference, from the file that the scenario names or from what it says itself."""
         if scenario.reference is None:
-            return self._once(("reference", ""), lambda: _File(Reference(), None))
+            return self._once(("reference", ""), lambda: _File(Reference(), {}))
         kind = next(iter(scenario.reference.model_fields_set))
         given, made = getattr(scenario.reference, kind), REFERENCES[kind]
         if made.file is None:
-            settings = scenario.reference.model_dump(mode="json", exclude_unset=True)
+            settings = {kind: plain(given)}
+            part = Part("the scenario's reference", lambda: settings)
             return self._once(
-                ("reference", json.dumps(settings)), lambda: _File(scenario.made_reference(), settings)
+                ("reference", json.dumps(settings)),
+                lambda: _File(scenario.made_reference(), {"reference": part}),
             )
         folder, model = made.file.folder, made.file.model
         file = scenario.file(str(given))
@@ -293,7 +298,8 @@ class CaseBuilder:
                 document = read_yaml(find_data_file(file, folder))
                 numbers = self._complaints.validated(document, model, self._with(document, inner), inner, 1)
             build: Callable[[Any], Reference] = made
-            return _File(build(numbers), numbers, numbers.model_dump(mode="json"))
+            part = Part(f"reference {given}", lambda: {kind: plain(numbers)})
+            return _File(build(numbers), {"reference": part}, numbers.model_dump(mode="json"))
 
         key = ("reference", file, _changed(inner))
         return self._once(key, lambda: self._complaints.guarded(make, f"reference.{kind}", [*outer, *inner]))
@@ -307,7 +313,8 @@ class CaseBuilder:
                     f"the controller '{name}' has no file with fields; allowed: a controller that has one"
                 )
                 raise InputError(self._complaints.about(inner[0], message, is_name=True))
-            return self._once(("controller", name), lambda: _File(name, None))
+            part = Part("controller", lambda: name)
+            return self._once(("controller", name), lambda: _File(name, {"controller": part}))
         file = scenario.file(name)
 
         def make() -> _File:
@@ -320,7 +327,11 @@ class CaseBuilder:
             if inner:
                 document = without_kind(read_yaml(find_data_file(file, CONTROLLERS)))
                 spec = self._complaints.validated(document, type(spec), self._with(document, inner), inner, 1)
-            return _File(spec, spec, spec.model_dump(mode="json"))
+            circuits = spec.circuits()
+            parts = {"controller": Part(f"controller {name}", lambda: {spec.kind: plain(spec)})}
+            for each, graph in circuits.items():
+                parts[f"controller's {each}"] = self._of_circuit(graph, f"{each} of the controller {name}")
+            return _File(spec, parts, spec.model_dump(mode="json"), circuits)
 
         key = ("controller", file, _changed(inner))
         return self._once(key, lambda: self._complaints.guarded(make, "controller", [*outer, *inner]))
@@ -358,28 +369,34 @@ class CaseBuilder:
         key = ("circuit", scenario.circuit, json.dumps([values, dict(scenario.settings), scenario.silenced]))
         return self._once(key, lambda: self._complaints.guarded(make, "circuit", outer))
 
-    def _inputs(
+    def _parts(
         self, scenario: Scenario, robot: _File, reference: _File, controller: _File, circuits: Circuits
-    ) -> dict[str, str]:
-        """What the files of a case say, so that a change between two runs of a study can be told."""
-        prints = {f"robot {_name_of(scenario.robot)}": self._print(robot.says)}
-        if scenario.reference is not None:
-            kind = next(iter(scenario.reference.model_fields_set))
-            given = getattr(scenario.reference, kind)
-            prints[f"reference {given if isinstance(given, str) else kind}"] = self._print(reference.says)
+    ) -> dict[str, Part]:
+        """All that determines a case beside its scenario's own words; what cases share is made once."""
+        parts = {**robot.parts, **reference.parts, **controller.parts}
         if circuits.used is not None:
-            prints[f"circuit {scenario.circuit}"] = self._print(circuits.used)
+            parts["circuit"] = self._of_circuit(circuits.used, f"circuit {scenario.circuit}")
         if circuits.own is not None:
-            prints[f"scenario's circuit {self._base_circuit}"] = self._print(circuits.own)
-        if isinstance(controller.value, ControllerSpec):
-            prints[f"controller {scenario.controller}"] = self._print(controller.says)
-            inside = self._once(("inside", id(controller.says)), controller.value.circuits)
-            prints |= {f"controller's {key}": self._print(graph) for key, graph in inside.items()}
-        return prints
+            parts["scenario's circuit"] = self._of_circuit(circuits.own, f"circuit {self._base_circuit}")
+        run = controller.circuits
+        if controller.value == CIRCUIT and circuits.used is not None:
+            run = {CIRCUIT: circuits.used}
+        # Circuits of one file differ in their numbers: the first one tells what runs them all.
+        of_files = ("backend", *run, scenario.circuit, *(part.title for part in controller.parts.values()))
+        parts["backend"] = self._once(of_files, lambda: backend_part(run))
+        return parts | self._versions(scenario, robot, reference, controller)
 
-    def _print(self, value: object) -> str:
-        """The fingerprint of something that stays in the cache, so that its address is its own."""
-        return self._once(("print", id(value)), lambda: fingerprint(value))
+    def _versions(
+        self, scenario: Scenario, robot: _File, reference: _File, controller: _File
+    ) -> dict[str, Part]:
+        made = (*scenario.befalling, *scenario.measure_kinds, reference.value, controller.value)
+        key = frozenset(map(type, made)), id(robot), id(controller)
+        every = (scenario, robot.value, reference.value, controller.value)
+        return {"versions": self._once(key, lambda: Part("versions", lambda: all_versions(*every)))}
+
+    def _of_circuit(self, graph: CircuitGraph, title: str) -> Part:
+        """The part of a circuit that stays in the cache, so that its address is its own."""
+        return self._once(("part", id(graph)), lambda: Part(title, lambda: plain(graph)))
 
     # --- data and complaints -------------------------------------------------------------------------------
 
@@ -418,11 +435,3 @@ def _collected(problems: list[Problem]) -> Iterator[None]:
 
 def _changed(changes: Sequence[Change]) -> str:
     return json.dumps([(change.path, change.value) for change in changes])
-
-
-def _without_paths(robot: Robot) -> dict[str, Any]:
-    return {key: value for key, value in robot.model_dump(mode="json").items() if key != "mjcf"}
-
-
-def _name_of(robot: str | Robot) -> str:
-    return robot.robot if isinstance(robot, Robot) else str(robot)

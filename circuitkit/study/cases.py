@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnknownNameError
 from circuitkit.control import ControllerSpec
-from circuitkit.simulation import Plan, Reference, RunSpec, Scenario
+from circuitkit.simulation import Disturbance, Plan, Reference, RunSpec, Scenario
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.effects import require_before
 from circuitkit.simulation.formulas import Value
-from circuitkit.simulation.plan import Body, Circuits, make_body
+from circuitkit.simulation.plan import Body, Circuits, make_body, robot_of
 from circuitkit.simulation.scenario import LONGEST_S
+from circuitkit.study.identity import Part, robot_parts, scenario_data
+from circuitkit.study.plain import digest, plain
 from circuitkit.study.spec import INVALID, is_measure
 
 FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
-_NAMES = {"scenario", "description", "seed", *FILES}  # keys whose text determines nothing by itself
 _OWN_FORM = {"disturbances", "measures", "reference"}  # keys that are written as a file has them
 _SEED_MARK = "\N{SYMBOL FOR SUBSTITUTE}seed"  # where the seed goes in a description
 WATCH = "watch"  # the key of a study
+_OF_BODY = ("robot", "MJCF", "model", "reference")  # the parts that a robot and its motion depend on
 _HORIZONS_S = (60.0, 600.0, LONGEST_S)  # in which moments of the reference are looked for, the cheapest first
 _KEPT_BODIES = 16  # robots with their motions that a process keeps
 
@@ -43,7 +43,7 @@ class Case:
         circuit_settings: What was set in the circuit.
         numbers: What the files of reference, controller and robot say, by key, as JSON data; None for a file
             that is as it ships or lies, or for none.
-        inputs: Fingerprint of what each of its files says, by kind and name.
+        parts: All else that determines its runs, by kind: what its files say, backends, and versions.
     """
 
     scenario: Scenario
@@ -52,7 +52,7 @@ class Case:
     circuits: Circuits
     circuit_settings: Mapping[str, str]
     numbers: Mapping[str, Any]
-    inputs: Mapping[str, str]
+    parts: Mapping[str, Part]
 
     def plan(self, body: Body | None = None) -> Plan:
         """The plan of its runs.
@@ -70,32 +70,45 @@ class Case:
     @cached_property
     def body_key(self) -> str:
         """The same for cases whose robot and its motion are the same."""
-        names = {"servo_profile", "duration", "control_step", "until", "valid"}
-        changing = [(each.kind, each) for each in self.scenario.befalling if each.changes_model]
-        files = [
-            content
-            for name, content in self.inputs.items()
-            if name.partition(" ")[0] in {"robot", "reference"}
-        ]
+        shaping = ("servo_profile", "duration", "control_step", "until", "valid")
+        kept = {key: self._said[key] for key in shaping}
+        changing = [data for each, data in self._befalling if each.changes_model]
         step_s = None if self.circuits.used is None else self.circuits.used.step_s
-        scenario = self.scenario.model_dump(mode="json", include=names)
-        return fingerprint((scenario, self.scenario.formulas, changing, files, step_s))
+        return digest([kept, self.scenario.formulas, changing, self._digests(*_OF_BODY), step_s])
 
     @cached_property
     def shared_key(self) -> str:
         """The same for cases whose robots can be stepped together."""
-        scenario = self.scenario.model_dump(mode="json", exclude={*_NAMES, *_OWN_FORM})
-        shared = [(each.kind, each) for each in self.scenario.befalling if not each.per_robot]
-        measures = [self.scenario.formulas, [(each.kind, each) for each in self.scenario.measure_kinds]]
-        files = [(name.partition(" ")[0], content) for name, content in self.inputs.items()]
-        controller = self.controller if isinstance(self.controller, str) else None
-        return fingerprint((scenario, shared, measures, controller, files))
+        shared = [data for each, data in self._befalling if not each.per_robot]
+        return digest([self._said, shared, self._digests(*self.parts)])
 
     @cached_property
     def key(self) -> str:
-        """The same for cases whose runs are the same."""
-        apart = [(each.kind, each) for each in self.scenario.befalling if each.per_robot]
-        return fingerprint((self.shared_key, apart))
+        """The same for cases whose runs are the same: a checksum of all that determines them but seeds."""
+        apart = [data for each, data in self._befalling if each.per_robot]
+        return digest([self.shared_key, apart])
+
+    @property
+    def identity(self) -> dict[str, Part]:
+        """All that determines its runs but their seeds, by kind; the keys are made of the same."""
+        said = {**self._said, "disturbances": [data for _, data in self._befalling]}
+        return {"scenario": Part("the scenario", lambda: said), **self.parts}
+
+    @cached_property
+    def _said(self) -> dict[str, Any]:
+        return scenario_data(self.scenario)
+
+    @cached_property
+    def _befalling(self) -> list[tuple[Disturbance, Any]]:
+        """What befalls the robot, in order, each with what it says as plain data."""
+        return [(each, {each.kind: plain(each)}) for each in self.scenario.befalling]
+
+    def _digests(self, *kinds: str) -> dict[str, str]:
+        return {kind: self.parts[kind].digest for kind in kinds if kind in self.parts}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Other processes get the fields, not what was made of them."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def run_key(self, seed: int) -> str:
         """The name of a run: equal for equal runs."""
@@ -159,8 +172,30 @@ class Outcome:
 
 
 def plan_of(case: Case) -> Plan:
-    """The plan of a case; robots and their motions are made once, as long as they are in use."""
-    return case.plan(_body(_Keyed(case.body_key, lambda: case.plan().body)))
+    """The plan of a case; robots and their motions are made once, as long as they are in use.
+
+    Raises:
+        ChangedError: A file of the robot says something else than when the case was made.
+    """
+    return case.plan(_body(_Keyed(case.body_key, lambda: _made(case))))
+
+
+class ChangedError(CircuitkitError):
+    """Something that determines runs has changed while they are under way."""
+
+
+def _made(case: Case) -> Body:
+    body = case.plan().body
+    robot = robot_of(case.scenario.model_copy(update={"servo_profile": None}))
+    now = robot_parts(robot, "")
+    for kind, what in (
+        ("robot", case.parts["robot"].title),
+        ("MJCF", f"'{robot.mjcf_path}', or what it loads,"),
+    ):
+        if now[kind].digest != case.parts[kind].digest:
+            message = f"{what} has changed while its runs are under way; run them again"
+            raise ChangedError(message)
+    return body
 
 
 @dataclass(frozen=True)
@@ -261,39 +296,3 @@ def _as_in_a_file(scenario: Scenario) -> dict[str, Any]:
     kinds = {each.kind: each.model_dump(mode="json") for each in scenario.measure_kinds}
     data["measures"] = {**scenario.formulas, **kinds}
     return data
-
-
-def fingerprint(value: object) -> str:
-    """32 hexadecimal digits that are equal for equal values: of models, dataclasses, arrays and plain data.
-
-    Descriptions and places in files do not count.
-    """
-    return hashlib.sha256(json.dumps(_plain(value, {}), ensure_ascii=False).encode()).hexdigest()[:32]
-
-
-def _plain(value: Any, seen: dict[int, Any]) -> Any:  # noqa: ANN401, PLR0911 - any value, and a line for each type
-    """A value as JSON data; what stands in it several times is looked at once."""
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    if isinstance(value, tuple | list) and not hasattr(value, "_fields"):
-        return [_plain(each, seen) for each in value]
-    if isinstance(value, Mapping):
-        return [[_plain(key, seen), _plain(each, seen)] for key, each in value.items()]
-    if isinstance(value, set | frozenset):
-        return sorted(json.dumps(_plain(each, seen)) for each in value)
-    if isinstance(value, np.ndarray):
-        data = np.ascontiguousarray(value)
-        return [str(data.dtype), list(data.shape), hashlib.sha256(data.tobytes()).hexdigest()]
-    if isinstance(value, BaseModel):
-        return _plain(value.model_dump(mode="json", exclude={"description"}), seen)
-    if is_dataclass(value):
-        if id(value) not in seen:
-            parts = {
-                each.name: _plain(getattr(value, each.name), seen)
-                for each in fields(value)
-                if each.compare and each.name != "description"
-            }
-            text = json.dumps(parts, ensure_ascii=False)
-            seen[id(value)] = [type(value).__name__, hashlib.sha256(text.encode()).hexdigest()]
-        return seen[id(value)]
-    return [type(value).__name__, str(value)]

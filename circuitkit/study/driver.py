@@ -83,7 +83,7 @@ def _sweep(
     resume: bool,
 ) -> Results:
     cases = CasesByCell(study)
-    known = store.begin(study, cases.inputs(), resume=resume)
+    known = store.begin(study, cases.identity(), resume=resume)
     task = Task(study, cases, known)
     workplace = nullcontext(workers) if isinstance(workers, Workers) else open_workers(workers, scheduler)
     try:
@@ -155,7 +155,8 @@ def run_cases(
     """
     each = tuple(seeds)
     plain = study.with_({"axes": None, "search": None, "seeds": {"first": 0, "count": 1}})
-    tasks = [Task(plain, CasesByCell(plain, settings), {}, each) for settings in cases]
+    builder = CaseBuilder(plain)
+    tasks = [Task(plain, CasesByCell(plain, settings, builder), {}, each) for settings in cases]
     drive(tasks, workers, batch, progress)
     found: list[tuple[Outcome, ...] | CircuitkitError] = []
     for task in tasks:

@@ -9,16 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case, Outcome
+from circuitkit.study.identity import Identity, identity_of
+from circuitkit.study.plain import as_written, plain
 from circuitkit.study.results import Results, Run, rows_of
 from circuitkit.study.search import Boundary, EachBoundary, Request, Strategy, grid_runs
 from circuitkit.study.spec import Settings, Study
 from circuitkit.study.workers import Done, Job, Workers
 
+_UNSEEN = ("description", "scenario")  # keys of a study that determine nothing by their own text
 BATCH = 32  # runs in a batch, at most
 _LEAST = 4  # a batch is not cut smaller to keep a worker busy
 
@@ -28,15 +31,18 @@ Progress: TypeAlias = Callable[[int, int], object]
 class CasesByCell:
     """The cases of a study by cell and number of the searched value; each is made when it is asked for."""
 
-    def __init__(self, study: Study, settings: Settings | None = None) -> None:
+    def __init__(
+        self, study: Study, settings: Settings | None = None, builder: CaseBuilder | None = None
+    ) -> None:
         """Take a study.
 
         Args:
             study: The study.
             settings: Fields that take the place of those of the cells.
+            builder: Has read its files already.
         """
         self._study = study
-        self._builder = CaseBuilder(study)
+        self._builder = builder or CaseBuilder(study)
         self._settings = settings
         self._made: dict[tuple[int, int], Case] = {}
 
@@ -56,15 +62,15 @@ class CasesByCell:
             self._made[cell, index] = case
         return self._made[cell, index]
 
-    def inputs(self) -> dict[str, str]:
-        """What the files of all cells say."""
-        found: dict[str, str] = {}
-        for cell in range(len(self._study.cells)):
-            for name, content in self(cell, 0).inputs.items():
-                while found.get(name, content) != content:  # other settings of the same file
-                    name += " "  # noqa: PLW2901 - it is counted by the length of its name
-                found[name] = content
-        return found
+    def identity(self) -> Identity:
+        """All that determines the runs of the study."""
+        study = self._study
+        file: Any = study.document.data
+        words = {key: each for key, each in file.items() if key not in _UNSEEN}
+        search = None if study.search is None else plain(study.search)
+        own = {"study": study.name, "seeds": plain(study.file.seeds), "search": search}
+        cells = ((plain(cell.labels), self(number, 0).identity) for number, cell in enumerate(study.cells))
+        return identity_of(own, {"study": as_written(words)}, cells)
 
 
 @dataclass(eq=False)
@@ -147,7 +153,7 @@ def drive(
             if not under_way:
                 return
             for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                done = workers.outcome(future)
+                done = workers.outcome(future, under_way[future][0].case)
                 for task, runs in scheduler.settle(under_way.pop(future), done).items():
                     if keep is not None:
                         keep(task, runs)

@@ -18,27 +18,12 @@ from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import SEAL, replacing, seal, verified, write_text
 from circuitkit.base.reading import read_text
 from circuitkit.study.cases import Outcome
+from circuitkit.study.identity import Identity
 from circuitkit.study.results import Results, Row, arrow, outcome_of, table_of
 from circuitkit.study.spec import RMS, Study, make_study
-from circuitkit.study.workers import versions
 
-_FORMAT = 1
-_UNSEEN = ("description",)  # keys of a study that determine no run
-_SHOWN_DIFFERENCES = 6
+_FORMAT = 2
 _SEAL_KEY = "checksum"  # in the metadata of a Parquet file
-
-
-def manifest_of(study: Study, inputs: Mapping[str, str]) -> dict[str, Any]:
-    """All that determines the runs of a study."""
-    data = study.document.data
-    return {
-        "format": _FORMAT,
-        "study": {key: value for key, value in data.items() if key not in _UNSEEN}
-        if isinstance(data, dict)
-        else {},
-        "files": dict(sorted(inputs.items())),
-        "versions": versions(),
-    }
 
 
 class OtherStudyError(InputError):
@@ -69,12 +54,12 @@ class Store:
     def _parts(self) -> Path:
         return self.folder / "parts"
 
-    def begin(self, study: Study, inputs: Mapping[str, str], *, resume: bool) -> dict[str, Outcome]:
+    def begin(self, study: Study, identity: Identity, *, resume: bool) -> dict[str, Outcome]:
         """Make the folder ready.
 
         Args:
             study: What is run.
-            inputs: What its files say; see `Case.inputs`.
+            identity: All that determines its runs.
             resume: Go on with what is there.
 
         Returns:
@@ -86,30 +71,29 @@ class Store:
             OutputError: The folder cannot be written.
         """
         arrow()
-        manifest = manifest_of(study, inputs)
         if not self._study_file.is_file():
             if self.results_file.exists() or self._parts.exists():
                 message = (
                     f"'{self.folder}' has results, but no study.json that says of what; name another folder"
                 )
                 raise InputError(Problem("", 0, 0, "", message))
-            self._remember(manifest)
+            self._remember({"format": _FORMAT, "study": study.document.data, "identity": identity.as_json()})
             return {}
+        manifest = self._manifest()
+        different = identity.differences(manifest.get("identity"))
         if not resume:
             count = sum(1 for _ in self._rows())
-            if count == 0 and self._manifest() == manifest:  # it was stopped before the first batch
+            if count == 0 and not different:  # it was stopped before the first batch
                 return {}
             message = (
-                f"'{self.folder}' has {count} runs of the study '{self._manifest()['study'].get('study')}'; "
+                f"'{self.folder}' has {count} runs of the study '{manifest['study'].get('study')}'; "
                 "go on with them by --resume (resume=True), or name another folder"
             )
             raise InputError(Problem("", 0, 0, "", message))
-        if differences := list(_differences(self._manifest(), manifest)):
-            shown = "; ".join(differences[:_SHOWN_DIFFERENCES])
-            more = len(differences) - _SHOWN_DIFFERENCES
+        if different:
             message = (
-                f"cannot go on in '{self.folder}', for its runs are of another study: {shown}"
-                f"{f'; and {more} more' if more > 0 else ''}; name another folder"
+                f"cannot go on in '{self.folder}', for its runs are others: {different}; "
+                "undo that, or name another folder"
             )
             raise OtherStudyError(Problem("", 0, 0, "", message))
         return {str(row["key"]): outcome_of(study, row) for row in self._rows()}
@@ -145,7 +129,11 @@ class Store:
         """
         arrow()
         manifest = self._manifest()
-        study = make_study(manifest["study"])
+        try:
+            study = make_study(manifest["study"])
+        except InputError as error:
+            message = f"is damaged: {error.problems[0].message}; name another folder"
+            raise OtherStudyError(Problem(str(self._study_file), 1, 1, "study", message)) from error
         cells = {tuple(cell.labels.values()): i for i, cell in enumerate(study.cells)}
         searched = [study.search.field] if study.search is not None else []
 
@@ -153,7 +141,11 @@ class Store:
             labels = tuple(row[axis] for axis in study.axes)
             return cells[labels], *(row[name] for name in searched), row["seed"]
 
-        rows = tuple(sorted(self._rows(), key=order))
+        try:
+            rows = tuple(sorted(self._rows(), key=order))
+        except (KeyError, TypeError) as error:
+            message = f"its rows do not fit the study in '{self._study_file.name}'; name another folder"
+            raise OtherStudyError(Problem(str(self.folder), 1, 1, "", message)) from error
         return Results(study, rows, complete=self.results_file.is_file())
 
     def _remember(self, manifest: Mapping[str, Any]) -> None:
@@ -170,7 +162,8 @@ class Store:
             raise OtherStudyError(Problem("", 0, 0, "", message)) from error
         found: dict[str, Any] = manifest if isinstance(manifest, dict) else {}
         if found.get("format") != _FORMAT or not isinstance(found.get("study"), dict):
-            message = f"'{self._study_file}' was written by another version; allowed: format {_FORMAT}"
+            format_ = found.get("format")
+            message = f"'{self._study_file}' has the format {format_}, of another version; allowed: {_FORMAT}"
             raise OtherStudyError(Problem("", 0, 0, "", message))
         return found
 
@@ -183,7 +176,7 @@ class Store:
         for file in files:
             try:
                 table = pa.parquet.read_table(pa.BufferReader(verified(file, remedy)))
-            except (OSError, pa.ArrowException) as error:
+            except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
                 message = f"cannot read '{file}': {error}; {remedy}"
                 raise CircuitkitError(message) from error
             for row in table.to_pylist():
@@ -213,27 +206,3 @@ def read_results(folder: str | Path) -> Results:
         MissingDependencyError: pyarrow is not installed.
     """
     return Store(Path(folder)).results()
-
-
-def _differences(old: Any, new: Any, where: str = "") -> Iterator[str]:  # noqa: ANN401 - JSON data
-    """What differs, as texts such as `seeds.count was 20 and is 10`."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        for key in dict.fromkeys((*old, *new)):
-            path = f"{where}.{key}" if where not in {"", "study", "files", "versions"} else str(key)
-            if old.get(key, _Nothing) != new.get(key, _Nothing):
-                if where == "files" and key in old and key in new:
-                    yield f"the {key} says something else now"
-                elif where == "files":
-                    yield f"the {key} {'is new' if key in new else 'is no longer used'}"
-                else:
-                    yield from _differences(old.get(key, _Nothing), new.get(key, _Nothing), path)
-    else:
-        yield f"{where} was {_shown(old)} and is {_shown(new)}"
-
-
-class _Nothing:
-    """What is not there."""
-
-
-def _shown(value: object) -> str:
-    return "nothing" if value is _Nothing else json.dumps(value, ensure_ascii=False)

@@ -13,18 +13,15 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 
-import mujoco
-import numpy as np
-
-import circuitkit
 from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
 from circuitkit.simulation import Disturbance, RunSpec
 from circuitkit.simulation.loop import run_and_watch
-from circuitkit.study.cases import Case, Outcome, plan_of
+from circuitkit.study.cases import Case, ChangedError, Outcome, plan_of
+from circuitkit.study.identity import all_versions
 from circuitkit.study.spec import CLAMPED, RMS
 
 # One thread each for the libraries below numpy: the processes share the cores already.
@@ -49,26 +46,17 @@ class Job:
     specs: tuple[RunSpec, ...]
 
 
-def versions() -> dict[str, str]:
-    """The packages on which the bits of a run depend, with their versions."""
-    return {
-        "circuitkit": circuitkit.__version__,
-        "mujoco": mujoco.__version__,
-        "numpy": np.__version__,
-    }
-
-
 @dataclass(frozen=True)
 class Done:
     """A job that is done.
 
     Attributes:
         outcomes: One for each run, or what keeps that run's case from being run.
-        versions: Where it was done.
+        environment: With what it was done: versions, and the backends of circuits where they are known.
     """
 
     outcomes: tuple[Outcome | CircuitkitError, ...]
-    versions: Mapping[str, str] = field(default_factory=versions)
+    environment: Mapping[str, Mapping[str, str]]
 
 
 def run_job(job: Job) -> Done:
@@ -77,15 +65,28 @@ def run_job(job: Job) -> Done:
     A run gets the same outcome, to the last bit, whatever the other runs of its job are.
 
     Raises:
+        ChangedError: Something that determines its runs has changed.
         KeyboardInterrupt: Ctrl-C came; nothing is kept.
     """
-    return Done(_outcomes(job.case, job.specs))
+    case = job.case
+    known = all_versions(case.scenario, None, case.reference, case.controller)
+    environment: dict[str, dict[str, str]] = {"versions": known, "backend": {}}
+    return Done(_outcomes(case, job.specs, environment), environment)
 
 
-def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | CircuitkitError, ...]:
+def _outcomes(
+    case: Case, specs: tuple[RunSpec, ...], environment: dict[str, dict[str, str]]
+) -> tuple[Outcome | CircuitkitError, ...]:
+    """The outcomes of runs; `environment` takes with what they were done."""
     try:
         plan = plan_of(case)
-        tracker = run_and_watch(plan.setup(plan.controller(case.controller), specs), threads=1)
+        controller = plan.controller(case.controller)
+        environment["backend"] |= getattr(controller, "backends", {})
+        robot = plan.robot.robot
+        environment["versions"] |= all_versions(case.scenario, robot, case.reference, case.controller)
+        tracker = run_and_watch(plan.setup(controller, specs), threads=1)
+    except ChangedError:
+        raise
     except CircuitkitError as error:
         kinds: list[tuple[Disturbance, ...]] = []
         for spec in specs:
@@ -96,7 +97,7 @@ def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | Circuit
         found: dict[int, Outcome | CircuitkitError] = {}  # whose fault is it?
         for disturbances in kinds:
             chosen = [i for i, spec in enumerate(specs) if spec.disturbances == disturbances]
-            some = _outcomes(case, tuple(specs[i] for i in chosen))
+            some = _outcomes(case, tuple(specs[i] for i in chosen), environment)
             found |= dict(zip(chosen, some, strict=True))
         return tuple(found[i] for i in range(len(specs)))
     each = zip(
@@ -145,11 +146,16 @@ class Workers:
         except BrokenExecutor as error:
             raise self.explain(error) from error
 
-    def outcome(self, future: Future[Done]) -> Done:
+    def outcome(self, future: Future[Done], case: Case) -> Done:
         """What a job that is done has brought.
+
+        Args:
+            future: The job.
+            case: One of its cases.
 
         Raises:
             WorkerError: A worker has ended, or has other versions of what the bits depend on.
+            ChangedError: Something that determines the runs has changed since they were asked for.
         """
         try:
             done = future.result()
@@ -157,7 +163,7 @@ class Workers:
             raise
         except Exception as error:
             raise self.explain(error) from error
-        require_same_versions(done)
+        require_same_environment(done, case)
         return done
 
 
@@ -342,18 +348,20 @@ def _client(address: str) -> Any:  # noqa: ANN401 - distributed is not typed
         raise WorkerError(message) from error
 
 
-def require_same_versions(done: Done) -> None:
-    """Refuse outcomes that other versions may have made otherwise.
+def require_same_environment(done: Done, case: Case) -> None:
+    """Refuse outcomes that other versions, or another backend, may have made otherwise.
 
     Raises:
-        WorkerError: They are not those of this process.
+        WorkerError: They are not those with which the case was made.
     """
-    ours = versions()
-    if other := [name for name in ours if done.versions.get(name) != ours[name]]:
-        found = listing(f"{name} {done.versions.get(name)}" for name in other)
-        allowed = listing(f"{name} {ours[name]}" for name in other)
-        message = f"a worker has {found}; allowed: as this process, {allowed}"
-        raise WorkerError(message)
+    for kind, words in (("versions", ""), ("backend", "run the circuit by the backend ")):
+        ours, found = case.parts[kind].data, done.environment[kind]
+        other = [name for name in {**ours, **found} if name in found and ours.get(name) != found[name]]
+        if other:
+            shown = listing(f"{name} {found[name]}" for name in other)
+            allowed = listing(f"{name} {ours.get(name)}" for name in other)
+            message = f"a worker has {words}{shown}; allowed: as this process, {allowed}"
+            raise WorkerError(message)
 
 
 def processors() -> int:

@@ -12,7 +12,9 @@ import pytest
 from study.cut import small_study
 
 from circuitkit.study import open_workers, sweep
-from circuitkit.study.workers import Done, WorkerError, require_same_versions, versions
+from circuitkit.study.identity import versions
+from circuitkit.study.scheduler import CasesByCell
+from circuitkit.study.workers import Done, WorkerError, require_same_environment
 
 
 @pytest.mark.parametrize("address", ["nonsense", "", "http://127.0.0.1:1", "tcp://127.0.0.1", "tcp://:8786"])
@@ -98,9 +100,19 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
 
 
 def test_a_worker_with_other_versions_is_refused_since_its_bits_may_be_others():
-    require_same_versions(Done(()))
-    ours = versions()
-    other = Done((), ours | {"mujoco": "3.0.0"})
-    message = rf"a worker has mujoco 3.0.0; allowed: as this process, mujoco {ours['mujoco']}"
+    case = CasesByCell(small_study())(0, 0)
+    ours = {"versions": versions(), "backend": {}}
+    require_same_environment(Done((), ours), case)
+    other = Done((), {**ours, "versions": versions() | {"mujoco": "3.0.0"}})
+    message = rf"a worker has mujoco 3.0.0; allowed: as this process, mujoco {versions()['mujoco']}"
     with pytest.raises(WorkerError, match=message):
-        require_same_versions(other)
+        require_same_environment(other, case)
+
+
+def test_a_worker_that_has_lost_its_compiler_is_refused_since_its_bits_are_others():
+    case = CasesByCell(small_study().with_({"axes": {"contender": ["tuned, towards the edge"]}}))(0, 0)
+    ours = {"versions": versions(), "backend": {"circuit": "compiled"}}
+    require_same_environment(Done((), ours), case)
+    message = "has run the circuit by the backend circuit numpy; allowed: as this process, circuit compiled"
+    with pytest.raises(WorkerError, match=message):
+        require_same_environment(Done((), {**ours, "backend": {"circuit": "numpy"}}), case)

@@ -202,6 +202,8 @@ class CaptureStep:
         self._ankles = CircuitController(circuits["ankle_circuit"]).bind(known)
         deciding = Interface(HAND_OVER_INPUTS, HAND_OVER_OUTPUTS, step_s)
         self._decision = CircuitController(circuits["hand_over"]).bind(deciding)
+        inner = {"ankle_circuit": self._ankles, "hand_over": self._decision}
+        self.backends = {key: backend for key, each in inner.items() for backend in each.backends.values()}
         self._for_shares = [self._decision.commands.index(name) for name in HAND_OVER_OUTPUTS]
         self._sensed = SensedCom(reference, [CommandAxis("lateral")])
         self.observations = tuple(dict.fromkeys((*self._sensed.observations, *self._ankles.observations)))

@@ -98,6 +98,10 @@ class WieberMpcSpec(ControllerSpec):
             raise ValueError(message)
         return self
 
+    def packages(self) -> tuple[str, ...]:
+        """The solver, and what calls all but daqp."""
+        return (OWN,) if self.solver == OWN else ("qpsolvers", self.solver)
+
     def bind(self, interface: Interface) -> WieberMpc:
         """The controller for a walk.
 

@@ -216,24 +216,40 @@ NEURON_MODEL_NAMES: tuple[str, ...] = shipped_names(_NEURONS)
 SYNAPSE_MODEL_NAMES: tuple[str, ...] = shipped_names(_SYNAPSES)
 
 
-@lru_cache
 def neuron_model(name: str) -> NeuronModel:
     """Return the neuron model of this name.
 
     Raises:
         UnknownNameError: There is none; the message lists those there are.
     """
-    return read_neuron_model(read_yaml(_file(_NEURONS, name)))
+    path = _file(_NEURONS, name)
+    return _neuron_model(path, _state(path))
 
 
-@lru_cache
 def synapse_model(name: str) -> SynapseModel:
     """Return the synapse model of this name.
 
     Raises:
         UnknownNameError: There is none; the message lists those there are.
     """
-    return read_synapse_model(read_yaml(_file(_SYNAPSES, name)))
+    path = _file(_SYNAPSES, name)
+    return _synapse_model_of(path, _state(path))
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    """Changes when a file does, for a model that is edited while a process lives."""
+    found = path.stat()
+    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+
+
+@lru_cache
+def _neuron_model(path: Path, _: tuple[int, ...]) -> NeuronModel:
+    return read_neuron_model(read_yaml(path))
+
+
+@lru_cache
+def _synapse_model_of(path: Path, _: tuple[int, ...]) -> SynapseModel:
+    return read_synapse_model(read_yaml(path))
 
 
 def _file(folder: str, name: str) -> Path:

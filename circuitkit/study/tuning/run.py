@@ -15,7 +15,9 @@ from circuitkit.base.source import Data, Place, find_data_file, read_yaml
 from circuitkit.base.units import format_quantity
 from circuitkit.circuit import load_circuit
 from circuitkit.study.case_builder import CaseBuilder
-from circuitkit.study.cases import Case, fingerprint, plan_of
+from circuitkit.study.cases import Case, plan_of
+from circuitkit.study.identity import Identity, identity_of
+from circuitkit.study.plain import plain
 from circuitkit.study.spec import CLAMPED, RMS
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.measure import Measure, Progress, Reporter
@@ -209,10 +211,6 @@ def _database(folder: Path) -> str:
 
 def _search(tuning: Tuning, runs: Sequence[Runs]) -> Search:
     spec = tuning.spec
-    inputs = [
-        dict(CaseBuilder(each.study).case({**each.conditions[0].settings, **tuning.settings({})}).inputs)
-        for each in runs
-    ]
     return Search(
         name=tuning.file.study,
         parameters=spec.parameters,
@@ -222,8 +220,21 @@ def _search(tuning: Tuning, runs: Sequence[Runs]) -> Search:
         maximise=spec.maximise is not None,
         generation=spec.generation,
         spread=spec.spread,
-        definition=fingerprint((tuning.definition(), inputs)),
+        identity=_identity(tuning, runs),
     )
+
+
+def _identity(tuning: Tuning, runs: Sequence[Runs]) -> Identity:
+    """All that determines the search: what it depends on itself, and every condition of every set of runs."""
+    definition = tuning.definition()
+    cases = []
+    for each in runs:
+        builder = CaseBuilder(each.study)
+        for condition in each.conditions:
+            case = builder.case({**condition.settings, **tuning.settings({})})
+            label = [each.name, plain(condition.cell), condition.factor, [*each.seeds]]
+            cases.append((label, case.identity))
+    return identity_of(definition, {"tune": definition}, cases)
 
 
 def check(tuning: Tuning, runs: Sequence[Runs]) -> None:

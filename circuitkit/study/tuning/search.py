@@ -27,6 +27,7 @@ from circuitkit.base.errors import (
     Problem,
     SimulationError,
 )
+from circuitkit.study.identity import Identity, unpacked
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.space import Searched, texts
 from circuitkit.study.workers import whole
@@ -42,8 +43,9 @@ except ImportError as missing:  # an extra
 Candidate = Mapping[str, str]
 Evaluate = Callable[[Sequence[Candidate]], Sequence[Score | CircuitkitError]]
 
-_DEFINITION = "circuitkit:definition"
+_IDENTITY = "circuitkit:identity"
 _KNOWN = "circuitkit:measured"
+_NOBODY = Identity("", {}, {})
 _TPE_GENERATION = 10
 _FIXED = "fixed_params"  # how Optuna marks a trial that was put into its queue
 
@@ -61,7 +63,7 @@ class Search:
         maximise: Whether more is better.
         generation: How many candidates are measured together; None for the sampler's own number.
         spread: For `cmaes`: standard deviation of the first generation, as a share of the ranges.
-        definition: What the objective depends on; a search only resumes with the same.
+        identity: All that determines the search; it only resumes with the same.
     """
 
     name: str
@@ -72,7 +74,7 @@ class Search:
     maximise: bool
     generation: int | None = None
     spread: float = 1.0 / 6.0
-    definition: str = ""
+    identity: Identity = _NOBODY
 
     @property
     def size(self) -> int:
@@ -222,14 +224,14 @@ def _open(search: Search, storage: str, folder: Path | None, *, resume: bool) ->
             f"cannot open '{storage}': {str(error).splitlines()[0]}; allowed: a URL such as sqlite:///x.db"
         )
         raise InputError(Problem("", 0, 0, "--storage", message)) from error
-    before = study.user_attrs.get(_DEFINITION)
-    if before is None:
-        study.set_user_attr(_DEFINITION, search.definition)
+    before = study.user_attrs.get(_IDENTITY)
+    if before is None and not study.get_trials(deepcopy=False):
+        study.set_user_attr(_IDENTITY, search.identity.packed())
         if search.start:
             study.enqueue_trial(dict(search.start))
-    elif before != search.definition:
-        message = f"the study '{search.name}' was begun with another file: its tune section has changed since"
-        hint = f"undo the change, or begin anew in another {other}"
+    elif difference := search.identity.differences(unpacked(before)):
+        message = f"the study '{search.name}' was begun with something else: {difference}"
+        hint = f"undo that, or begin anew in another {other}"
         raise InputError(Problem("", 0, 0, "--resume", message, hint))
     return study
 
@@ -239,8 +241,9 @@ def _is_untouched(search: Search, database: optuna.storages.RDBStorage, names: S
     if search.name not in names:
         return False
     study = optuna.load_study(study_name=search.name, storage=database)
-    before = study.user_attrs.get(_DEFINITION)
-    return before in {None, search.definition} and not _history(search, study).trials
+    before = study.user_attrs.get(_IDENTITY)
+    same = before is None or not search.identity.differences(unpacked(before))
+    return same and not _history(search, study).trials
 
 
 def _database(url: str) -> optuna.storages.RDBStorage:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +16,7 @@ from circuitkit.base.source import Document, FileModel, Place, find_data_file, r
 from circuitkit.base.source.fields import Ratio
 from circuitkit.base.units import parse_quantity
 from circuitkit.circuit.spec import PlainName
+from circuitkit.study.plain import as_written, plain
 from circuitkit.study.spec import FOLDER, Seeds, StudyHead, beside
 from circuitkit.study.tuning.objective import LIMIT, Term
 from circuitkit.study.tuning.runs import Runs, RunSet, in_words, make_runs
@@ -204,12 +204,17 @@ class Tuning:
         own[target if target == self.spec.kind else f"{target}.{self.spec.kind}"] = self.base
         return own | {f"{target}.{name}": text for name, text in candidate.items()}
 
-    def definition(self) -> str:
-        """All that the objective depends on, as text; neither the number of trials nor words."""
-        data = self.file.model_dump(mode="json", by_alias=True, exclude={"description": True})
-        for key in ("trials", "result", CONFIRM, TEST):
+    def definition(self) -> dict[str, Any]:
+        """All that the search depends on beside its runs, as plain data.
+
+        Left out are words, where files lie, how many trials there are, and what comes after them.
+        """
+        data = plain(self.file)
+        for key in ("scenario", "set", "watch"):
+            data.pop(key)
+        for key in ("trials", "result", CONFIRM, TEST, *TARGETS):
             data["tune"].pop(key)
-        return json.dumps(data, ensure_ascii=False, sort_keys=True)
+        return {"study": data["study"], **as_written(data["tune"])}
 
 
 def load_tuning(name_or_path: str | Path) -> Tuning:

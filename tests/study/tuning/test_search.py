@@ -10,6 +10,7 @@ import pytest
 
 from circuitkit.base.errors import CircuitkitError, InputError, SimulationError
 from circuitkit.base.units import parse_quantity
+from circuitkit.study.identity import identity_of
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.search import Candidate, History, Search, run_search, silence_optuna
 from circuitkit.study.tuning.space import Searched
@@ -114,11 +115,12 @@ def test_if_all_fail_the_reason_is_told(tmp_path):
 
 
 def test_a_search_is_not_begun_twice_nor_resumed_with_another_objective(tmp_path):
-    run_search(search(definition="a"), database(tmp_path), 3, measured())
+    one, other = (identity_of({"seed": n}, {"tune": {"seed": n}}, ()) for n in (1, 2))
+    run_search(search(identity=one), database(tmp_path), 3, measured())
     with pytest.raises(InputError, match=r"found a study 'bowl' in .* already; go on with it by --resume"):
-        run_search(search(definition="a"), database(tmp_path), 3, measured())
-    with pytest.raises(InputError, match="its tune section has changed since"):
-        run_search(search(definition="b"), database(tmp_path), 3, measured(), resume=True)
+        run_search(search(identity=one), database(tmp_path), 3, measured())
+    with pytest.raises(InputError, match="was begun with something else: tune: seed was 1, is 2; undo that"):
+        run_search(search(identity=other), database(tmp_path), 3, measured(), resume=True)
 
 
 @pytest.mark.parametrize("url", ["nonsense", "nonsense:///x", "sqlite:////no/such/folder/x.db"])
