@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import reason
+from circuitkit.base.signals import tidy_up_when_ended
 
 DONE = 0
 RUN_FAILED = 3
@@ -18,7 +19,8 @@ PIPE_CLOSED = 141  # 128 + SIGPIPE, as shells report it
 
 
 def entry_point() -> None:
-    """Run the command line of this process and exit with its code."""
+    """Run the command line of this process and exit with its code; 143 if SIGTERM has ended it."""
+    tidy_up_when_ended()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without Greek letters still shows the rest
     sys.exit(main())

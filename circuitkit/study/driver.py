@@ -45,6 +45,7 @@ def sweep(
     scheduler: str | None = None,
     progress: bool | Progress = True,
     batch: int | None = None,
+    timeout_s: float | None = None,
 ) -> Results:
     """Run a study and write its results as they come.
 
@@ -58,11 +59,12 @@ def sweep(
         scheduler: Address of a Dask scheduler whose workers are used instead.
         progress: Show a bar on a terminal; or gets how many runs are done, and about how many there will be.
         batch: Runs that a worker steps together, at most.
+        timeout_s: How long a batch may take until its worker counts as stuck, [s]; see `open_workers`.
 
     Raises:
         InputError: Something of the study does not fit, or the folder has results of another study, or it has
             results and `resume` is not set.
-        CircuitkitError: A worker has ended; a run failed.
+        CircuitkitError: No worker could do a batch; a run failed.
         OutputError: The results cannot be written.
         KeyboardInterrupt: Ctrl-C came; says what is kept.
     """
@@ -70,7 +72,9 @@ def sweep(
     cases = CasesByCell(study)
     known = store.begin(study, cases.inputs(), resume=resume)
     task = Task(study, cases, known)
-    workplace = nullcontext(workers) if isinstance(workers, Workers) else open_workers(workers, scheduler)
+    workplace = (
+        nullcontext(workers) if isinstance(workers, Workers) else open_workers(workers, scheduler, timeout_s)
+    )
     try:
         with workplace as used, _reported(progress, study.name) as report:
             drive(

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import os
 import re
-import signal
-import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from multiprocessing.context import SpawnContext, SpawnProcess
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import mujoco
@@ -25,10 +23,9 @@ from circuitkit.base.errors import CircuitkitError, MissingDependencyError, list
 from circuitkit.simulation import Disturbance, RunSpec
 from circuitkit.simulation.loop import run_and_watch
 from circuitkit.study.cases import Case, Outcome, plan_of
+from circuitkit.study.processes import Processes, this_process
 from circuitkit.study.spec import RMS
 
-# One thread each for the libraries below numpy: the processes share the cores already.
-_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
 _CONNECT_S = 10.0
 _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):\d{1,5}")
 _MOST_WORKERS = 1024
@@ -65,10 +62,14 @@ class Done:
     Attributes:
         outcomes: One for each run, or what keeps that run's case from being run.
         versions: Where it was done.
+        worker: Who has done it.
+        seconds: How long it took, [s].
     """
 
     outcomes: tuple[Outcome | CircuitkitError, ...]
     versions: Mapping[str, str] = field(default_factory=versions)
+    worker: str = field(default_factory=this_process)
+    seconds: float = 0.0
 
 
 def run_job(job: Job) -> Done:
@@ -79,7 +80,9 @@ def run_job(job: Job) -> Done:
     Raises:
         KeyboardInterrupt: Ctrl-C came; nothing is kept.
     """
-    return Done(_outcomes(job.case, job.specs))
+    began = time.perf_counter()
+    outcomes = _outcomes(job.case, job.specs)
+    return Done(outcomes, seconds=time.perf_counter() - began)
 
 
 def _outcomes(case: Case, specs: tuple[RunSpec, ...]) -> tuple[Outcome | CircuitkitError, ...]:
@@ -108,7 +111,11 @@ def _named(effort: Mapping[str, float]) -> dict[str, float]:
 
 
 class WorkerError(CircuitkitError):
-    """A worker has ended, or cannot be reached."""
+    """A worker has ended, cannot be reached, or is stuck."""
+
+
+class LostJobError(WorkerError):
+    """A worker has ended, and its job with it; another one may do that job."""
 
 
 def _as_it_is(error: Exception) -> Exception:
@@ -123,17 +130,21 @@ class Workers:
         executor: Does the jobs.
         slots: How many jobs to hand in before waiting for one, as of now.
         explain: What the user is told when the executor itself fails.
+        timeout_s: How long a job may take, [s]; if None, much longer than those before it.
+        busy: Who does jobs, for messages.
     """
 
     executor: Executor
     slots: Callable[[], int]
     explain: Callable[[Exception], Exception] = _as_it_is
+    timeout_s: float | None = None
+    busy: Callable[[], str] = lambda: "a worker"
 
     def submit(self, job: Job) -> Future[Done]:
         """Hand in a job.
 
         Raises:
-            WorkerError: A worker has ended.
+            WorkerError: The executor takes no more.
         """
         try:
             return self.executor.submit(run_job, job)
@@ -144,16 +155,44 @@ class Workers:
         """What a job that is done has brought.
 
         Raises:
-            WorkerError: A worker has ended, or has other versions of what the bits depend on.
+            LostJobError: Its worker has ended.
+            WorkerError: The executor has failed, or the worker has other versions of what the bits depend on.
         """
         try:
             done = future.result()
         except CircuitkitError:
             raise
+        except BrokenExecutor as error:
+            if not isinstance(self.executor, Processes):
+                raise self.explain(error) from error
+            how, by_signal = self.executor.how_it_ended(future)
+            hint = (
+                "the machine may be out of memory: take fewer --workers"
+                if by_signal
+                else 'a script that starts workers needs `if __name__ == "__main__":` around its main part'
+            )
+            message = f"{self.executor.name(future)} {how}; {hint}"
+            raise LostJobError(message) from error
         except Exception as error:
             raise self.explain(error) from error
         require_same_versions(done)
         return done
+
+    def stop(self, future: Future[Done], seconds: float) -> None:
+        """End a job that takes longer than it should; it is lost then.
+
+        Raises:
+            WorkerError: Workers of this kind cannot be ended from here.
+        """
+        if isinstance(self.executor, Processes):
+            self.executor.kill(future)
+            return
+        future.cancel()
+        message = (
+            f"{self.busy()} has been at a batch for {seconds:.0f} s; see to it, or allow more by "
+            "--timeout (timeout_s), and go on by --resume"
+        )
+        raise WorkerError(message)
 
 
 class ThisProcess(Executor):
@@ -167,125 +206,6 @@ class ThisProcess(Executor):
         except Exception as error:  # who asks for the result gets it
             future.set_exception(error)
         return future
-
-
-def whole(work: Callable[[], T]) -> T:
-    """Do something that a Ctrl-C shall not cut in two; it takes effect afterwards.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C came; the work is done.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return work()
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        result = work()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
-    return result
-
-
-@contextmanager
-def _holding_back(number: signal.Signals) -> Iterator[None]:
-    """Have a signal wait in this thread, and in processes that it starts for as long as they live."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-class _WorkerProcess(SpawnProcess):
-    """A process whose libraries use one thread; they read the environment when they are loaded."""
-
-    def start(self) -> None:
-        """Start; a Ctrl-C meanwhile takes effect afterwards, and the process itself never gets one.
-
-        A process inherits which signals are held back, and this one is before it can say that it ignores it.
-        """
-
-        def begin() -> None:
-            with environment(**_ONE_THREAD), _holding_back(signal.SIGINT):
-                super(_WorkerProcess, self).start()
-
-        whole(begin)
-
-
-class _Context(SpawnContext):
-    """Starts processes and remembers them: to say how one has ended, and to end them whatever they do."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.started: list[SpawnProcess] = []
-
-    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: ANN401, N802 - the name that multiprocessing has
-        """Prepare a process."""
-        process = _WorkerProcess(*args, **kwargs)
-        self.started.append(process)
-        return process
-
-    def explain(self, error: Exception) -> Exception:
-        """Which process has ended, and how; the executor ends the others itself."""
-        if not isinstance(error, BrokenExecutor):
-            return error
-        codes = [code for code in (self._exit_code(each) for each in self.started) if code is not None]
-        code = next((code for code in codes if code != -signal.SIGTERM), codes[0] if codes else None)
-        how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
-        hint = (
-            "the machine may be out of memory: take fewer --workers"
-            if code is not None and code < 0
-            else 'a script that starts workers needs `if __name__ == "__main__":` around its main part'
-        )
-        return WorkerError(f"a worker process has ended {how}; {hint}")
-
-    @staticmethod
-    def _exit_code(process: SpawnProcess) -> int | None:
-        process.join(timeout=1.0)
-        return process.exitcode
-
-    def end(self) -> None:
-        """End all processes at once."""
-        for process in self.started:
-            if process.is_alive():
-                process.terminate()
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    """Ctrl-C reaches all processes of a terminal; the one that started the sweep ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-@contextmanager
-def environment(**values: str) -> Iterator[None]:
-    """Have environment variables for a while, which processes that start meanwhile get, too."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-@contextmanager
-def _processes(count: int) -> Iterator[Workers]:
-    context = _Context()
-    executor = ProcessPoolExecutor(count, context, _leave_interrupts_to_the_parent)
-    try:
-        yield Workers(executor, lambda: count, context.explain)
-    finally:
-        # `shutdown` alone would wait for the jobs that are under way; Python 3.14 has `terminate_workers`.
-        context.end()
-        executor.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -302,6 +222,11 @@ def _dask(address: str) -> Iterator[Workers]:
         """One job under way and one waiting for each thread that there is now, so that none waits for us."""
         return max(2 * int(sum(client.nthreads().values())), 1)
 
+    def busy() -> str:
+        """The addresses of the workers that do something."""
+        names = listing(name for name, jobs in client.processing().items() if jobs)
+        return f"one of the Dask workers at {names}"
+
     def explain(error: Exception) -> Exception:
         return WorkerError(
             f"the Dask workers of '{address}' cannot do a job: {type(error).__name__}: {error}"
@@ -311,7 +236,7 @@ def _dask(address: str) -> Iterator[Workers]:
         if not client.nthreads():
             message = f"the Dask scheduler at '{address}' has no workers; start some: dask worker {address}"
             raise WorkerError(message)
-        yield Workers(client.get_executor(pure=False), slots, explain)
+        yield Workers(client.get_executor(pure=False), slots, explain, busy=busy)
     finally:
         client.close()  # takes back what is under way, and leaves the scheduler and its workers as they are
 
@@ -347,8 +272,17 @@ def require_same_versions(done: Done) -> None:
     if other := [name for name in ours if done.versions.get(name) != ours[name]]:
         found = listing(f"{name} {done.versions.get(name)}" for name in other)
         allowed = listing(f"{name} {ours[name]}" for name in other)
-        message = f"a worker has {found}; allowed: as this process, {allowed}"
+        message = f"the worker {done.worker} has {found}; allowed: as this process, {allowed}"
         raise WorkerError(message)
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Workers]:
+    executor = Processes(count)
+    try:
+        yield Workers(executor, lambda: count)
+    finally:
+        executor.shutdown()
 
 
 def processors() -> int:
@@ -357,12 +291,16 @@ def processors() -> int:
 
 
 @contextmanager
-def open_workers(count: int | None = None, scheduler: str | None = None) -> Iterator[Workers]:
+def open_workers(
+    count: int | None = None, scheduler: str | None = None, timeout_s: float | None = None
+) -> Iterator[Workers]:
     """Workers for as long as the block lasts.
 
     Args:
         count: Processes of this machine; by default one for each processor. One is this process itself.
         scheduler: Address of a Dask scheduler, such as `tcp://192.168.0.7:8786`, to use its workers instead.
+        timeout_s: How long a job may take until its worker counts as stuck, [s]; by default much longer than
+            the jobs before it. What this process does itself has no limit.
 
     Raises:
         CircuitkitError: `count` is less than 1, or given together with `scheduler`.
@@ -378,9 +316,9 @@ def open_workers(count: int | None = None, scheduler: str | None = None) -> Iter
     number = count or processors()
     if scheduler is not None:
         with _dask(scheduler) as workers:
-            yield workers
+            yield replace(workers, timeout_s=timeout_s)
     elif number == 1:
         yield Workers(ThisProcess(), lambda: 1)
     else:
         with _processes(number) as workers:
-            yield workers
+            yield replace(workers, timeout_s=timeout_s)
