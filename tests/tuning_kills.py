@@ -71,7 +71,7 @@ def tuned(study: Path, out: Path, last: int | None = None, *, resume: bool = Fal
             run.tune(study, out, workers=1, resume=resume)
             os.write(writer, str(MOMENTS.count).encode())
             code = 0
-        except BaseException as error:  # noqa: BLE001 - the parent is told
+        except BaseException as error:
             print(type(error).__name__, error, file=sys.stderr, flush=True)
         finally:
             os._exit(code)

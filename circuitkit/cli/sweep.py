@@ -205,7 +205,7 @@ def _percents(interval: tuple[float, float]) -> str:
 
 def _print_estimate(study: Study, found: Estimate, count: int, *, as_json: bool) -> None:
     """What a study will take with so many workers."""
-    seconds = found.seconds / min(count, found.runs)
+    seconds = found.takes_s(count)
     if as_json:
         print_json(_estimate_data(study, found, count, seconds))
         return

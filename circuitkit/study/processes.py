@@ -176,6 +176,12 @@ class Processes(Executor):
         self._workers = [_Worker() for _ in range(count)]
         self._doing: WeakKeyDictionary[Future[Any], SpawnProcess] = WeakKeyDictionary()
 
+    @classmethod
+    def start_one(cls) -> None:
+        """Start a process and end it, to see how long that takes."""
+        with cls(1) as processes:
+            processes.submit(this_process).result()
+
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:  # noqa: ANN401 - any
         """Hand in work, to the process that has least."""
         worker = min(self._workers, key=lambda each: len(each.jobs))

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -19,7 +20,7 @@ import mujoco
 import numpy as np
 
 import circuitkit
-from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, listing
 from circuitkit.simulation import Disturbance, RunSpec
 from circuitkit.simulation.loop import run_and_watch
 from circuitkit.study.cases import Case, Outcome, plan_of
@@ -55,6 +56,15 @@ def versions() -> dict[str, str]:
     }
 
 
+def this_worker() -> str:
+    """The name of this process, and its address if it is a worker of Dask."""
+    name = this_process()
+    if "distributed" in sys.modules:
+        with suppress(ValueError):  # it is none
+            return f"{sys.modules['distributed'].get_worker().address}, {name}"
+    return name
+
+
 @dataclass(frozen=True)
 class Done:
     """A job that is done.
@@ -68,7 +78,7 @@ class Done:
 
     outcomes: tuple[Outcome | CircuitkitError, ...]
     versions: Mapping[str, str] = field(default_factory=versions)
-    worker: str = field(default_factory=this_process)
+    worker: str = field(default_factory=this_worker)
     seconds: float = 0.0
 
 
@@ -132,6 +142,7 @@ class Workers:
         explain: What the user is told when the executor itself fails.
         timeout_s: How long a job may take, [s]; if None, much longer than those before it.
         busy: Who does jobs, for messages.
+        elsewhere: Whether the workers may be on other machines, where files may be others.
     """
 
     executor: Executor
@@ -139,6 +150,7 @@ class Workers:
     explain: Callable[[Exception], Exception] = _as_it_is
     timeout_s: float | None = None
     busy: Callable[[], str] = lambda: "a worker"
+    elsewhere: bool = False
 
     def submit(self, job: Job) -> Future[Done]:
         """Hand in a job.
@@ -176,6 +188,9 @@ class Workers:
         except Exception as error:
             raise self.explain(error) from error
         require_same_versions(done)
+        if self.elsewhere:
+            told = tuple(_told_by(done.worker, each) for each in done.outcomes)
+            return replace(done, outcomes=told)
         return done
 
     def stop(self, future: Future[Done], seconds: float) -> None:
@@ -193,6 +208,14 @@ class Workers:
             "--timeout (timeout_s), and go on by --resume"
         )
         raise WorkerError(message)
+
+
+def _told_by(worker: str, outcome: Outcome | CircuitkitError) -> Outcome | CircuitkitError:
+    """What a worker elsewhere complains of, with its name: files that it needs may be missing there."""
+    if not isinstance(outcome, InputError):
+        return outcome
+    told = f"so says the worker {worker}, which needs the same files at the same paths"
+    return InputError(*(replace(p, hint=f"{p.hint}; {told}" if p.hint else told) for p in outcome.problems))
 
 
 class ThisProcess(Executor):
@@ -236,7 +259,7 @@ def _dask(address: str) -> Iterator[Workers]:
         if not client.nthreads():
             message = f"the Dask scheduler at '{address}' has no workers; start some: dask worker {address}"
             raise WorkerError(message)
-        yield Workers(client.get_executor(pure=False), slots, explain, busy=busy)
+        yield Workers(client.get_executor(pure=False), slots, explain, busy=busy, elsewhere=True)
     finally:
         client.close()  # takes back what is under way, and leaves the scheduler and its workers as they are
 

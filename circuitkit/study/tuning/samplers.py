@@ -137,7 +137,7 @@ class Cmaes:
         A candidate that could not be measured counts for nothing, so a generation may take several rounds.
         """
         optimizer = self._optimizer()
-        # Drawing changes a covariance's last bits and copying makes it symmetric: both must always happen alike.
+        # Drawing and copying change a covariance's last bits: both must always happen alike.
         untouched = copy.deepcopy(optimizer)
         members: list[tuple[NDArray[np.float64], float]] = []
         number = 0
