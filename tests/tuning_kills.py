@@ -1,8 +1,8 @@
-"""Kills a small tuning with made-up runs at the n-th moment of some kind, as often as wanted, by forks of one process.
+"""Kills a small tuning with made-up runs at its n-th moment, again and again, by forks of one process.
 
-A moment is an SQL statement before or after it is executed, the end of a transaction, the beginning of a measurement,
-or a file's renaming. `python tuning_kills.py FOLDER POINT...` prints a JSON object: how many moments a tuning has,
-and the points after whose kill and resumption something differs from a tuning that was never stopped.
+A moment is an SQL statement before or after it is executed, the end of a transaction, the beginning of a
+measurement, or a file's renaming. `python tuning_kills.py FOLDER POINT...` prints a JSON object: how many
+moments there are, and the points at which a kill and a resumption leave another result than none.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def tuned(study: Path, out: Path, last: int | None = None, *, resume: bool = Fal
             os.write(writer, str(MOMENTS.count).encode())
             code = 0
         except BaseException as error:
-            print(type(error).__name__, error, file=sys.stderr, flush=True)
+            sys.stderr.write(f"{type(error).__name__} {error}\n")
         finally:
             os._exit(code)
     os.close(writer)
@@ -100,7 +100,8 @@ def main(folder: Path, points: list[int]) -> None:
         if killed != _KILLED or resumed != 0 or contents(out) != expected:
             differing.append((point, killed, resumed))
     rows = expected[0].splitlines()
-    print(json.dumps({"moments": count, "differing": differing, "candidates": len(rows) - 1}))
+    found = {"moments": count, "differing": differing, "candidates": len(rows) - 1}
+    sys.stdout.write(json.dumps(found))
 
 
 if __name__ == "__main__":
