@@ -15,10 +15,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any, Literal
 
-import optuna
-from optuna.trial import FrozenTrial, TrialState
-
-from circuitkit.base.errors import CircuitkitError, InputError, Problem, SimulationError, listing
+from circuitkit.base.errors import (
+    CircuitkitError,
+    InputError,
+    MissingDependencyError,
+    Problem,
+    SimulationError,
+    listing,
+)
 from circuitkit.study.cases import fingerprint
 from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.samplers import (
@@ -33,6 +37,12 @@ from circuitkit.study.tuning.samplers import (
 )
 from circuitkit.study.tuning.space import Searched, texts
 from circuitkit.study.tuning.storage import Storage, StorageError, opened, patiently
+
+try:
+    import optuna
+    from optuna.trial import FrozenTrial, TrialState
+except ImportError as missing:  # an extra
+    raise MissingDependencyError(missing.name or "optuna", "tune", "tuning") from missing
 
 Candidate = Mapping[str, str]
 Evaluate = Callable[[Sequence[Candidate]], Sequence[Score | CircuitkitError]]
