@@ -101,6 +101,8 @@ def test_a_worker_with_other_versions_is_refused_since_its_bits_may_be_others():
     require_same_versions(Done(()))
     ours = versions()
     other = Done((), ours | {"mujoco": "3.0.0"})
-    message = rf"a worker has mujoco 3.0.0; allowed: as this process, mujoco {ours['mujoco']}"
+    message = (
+        rf"the worker process \d+ on '.+' has mujoco 3.0.0; allowed: as this process, mujoco {ours['mujoco']}"
+    )
     with pytest.raises(WorkerError, match=message):
         require_same_versions(other)
