@@ -25,7 +25,7 @@ from benchmarks.plain import (
 from circuitkit.circuit.graph import Timing
 from circuitkit.engine import compile_circuit, run
 from circuitkit.study.bench import AnyCase, AnyWork, Case, Loop
-from circuitkit.study.workers import environment
+from circuitkit.study.processes import environment
 
 _STEPS = 2000
 _SWEEP = 1000

@@ -20,7 +20,7 @@ from circuitkit.circuit.graph import CircuitGraph, Neuron, Timing
 from circuitkit.circuit.load import load_circuit
 from circuitkit.engine import Program, Stepper, compile_circuit
 from circuitkit.study.bench import Loop
-from circuitkit.study.workers import environment
+from circuitkit.study.processes import environment
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from circuitkit.base.errors import CircuitkitError
 from circuitkit.base.files import reason
 from circuitkit.base.graphics import shut_out_settings_of_matplotlib
+from circuitkit.base.signals import tidy_up_when_ended
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer as Buffer
@@ -24,7 +25,8 @@ PIPE_CLOSED = 141  # 128 + SIGPIPE, as shells report it
 
 
 def entry_point() -> None:
-    """Run the command line of this process and exit with its code."""
+    """Run the command line of this process and exit with its code; 143 if SIGTERM has ended it."""
+    tidy_up_when_ended()
     _open_standard_streams()
     shut_out_settings_of_matplotlib()
     sys.exit(main())

@@ -75,6 +75,15 @@ Seed: TypeAlias = Annotated[
         "--seed", metavar="N", min=0, max=LAST_SEED, help="Of all that is drawn at random: noise, jitter."
     ),
 ]
+Timeout: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--timeout",
+        metavar="SECONDS",
+        min=1.0,
+        help="After so long a batch's worker counts as stuck; by default by what others took, at least 60.",
+    ),
+]
 Folder: TypeAlias = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="DIR", help="Folder for the recordings and the plots."),

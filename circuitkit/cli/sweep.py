@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from circuitkit.base.units import format_quantity
+from circuitkit.cli.options import Timeout
 from circuitkit.cli.printing import counted, examples, note, print_json, print_table
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def sweep(
         int | None,
         typer.Option("--batch", metavar="N", min=1, help="Runs that a worker steps together, at most."),
     ] = None,
+    timeout: Timeout = None,
     seeds: Annotated[
         int | None,
         typer.Option("--seeds", metavar="N", min=1, help="Only the first N seeds, for a quick look."),
@@ -102,7 +104,13 @@ def sweep(
     axes = None if by is None else [name.strip() for name in by.split(",") if name.strip()]
     loaded.require_axes(axes or ())
     results = run_sweep(
-        loaded, output or Path(), workers=workers, resume=resume, scheduler=scheduler, batch=batch
+        loaded,
+        output or Path(),
+        workers=workers,
+        resume=resume,
+        scheduler=scheduler,
+        batch=batch,
+        timeout_s=timeout,
     )
     if as_json:
         print_json(_as_data(results, output, axes))
@@ -226,7 +234,7 @@ def _percents(interval: tuple[float, float]) -> str:
 
 def _print_estimate(study: Study, found: Estimate, count: int, *, as_json: bool) -> None:
     """What a study will take with so many workers."""
-    seconds = found.seconds / min(count, found.runs)
+    seconds = found.takes_s(count)
     if as_json:
         print_json(_estimate_data(study, found, count, seconds))
         return

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from circuitkit.base.progress import progress_bar
+from circuitkit.cli.options import Timeout
 from circuitkit.cli.printing import examples, note, print_json, print_table
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def tune(
             "--storage", metavar="URL", help="Keep the trials in this database, not in DIR/trials.db."
         ),
     ] = None,
+    timeout: Timeout = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the trials that are there, as if never stopped.")
     ] = False,
@@ -97,6 +99,7 @@ def tune(
             result=result,
             verbose=verbose,
             progress=progress,
+            timeout_s=timeout,
         )
     if as_json:
         print_json(tuned.row())

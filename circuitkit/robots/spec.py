@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Protocol
@@ -252,6 +253,15 @@ class Robot(FileModel):
         return UnknownNameError(
             "servo profile", name, self.servos if isinstance(self.servos, Mapping) else ()
         )
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Its state for another process, which may work in another folder: with its file's whole path."""
+        state = super().__getstate__()
+        if document := (state["__pydantic_private__"] or {}).get("_document"):
+            path = document.path and str(Path(document.path).absolute())
+            private = state["__pydantic_private__"] | {"_document": replace(document, path=path)}
+            state = state | {"__pydantic_private__": private}
+        return state
 
     @property
     def folder(self) -> Path:

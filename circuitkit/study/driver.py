@@ -16,11 +16,12 @@ from circuitkit.simulation.disturbances.delay import Delay
 from circuitkit.simulation.disturbances.noise import Noise
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case, Outcome
+from circuitkit.study.processes import Processes
 from circuitkit.study.results import Results, row_of
 from circuitkit.study.scheduler import CasesByCell, Progress, Task, boundary_of, drive
 from circuitkit.study.spec import Settings, Study, read_study
 from circuitkit.study.store import Store
-from circuitkit.study.workers import Job, Workers, open_workers, run_job
+from circuitkit.study.workers import Job, Workers, open_workers, processors, run_job
 
 
 def load_study(name_or_path: str | Path) -> Study:
@@ -46,6 +47,7 @@ def sweep(
     scheduler: str | None = None,
     progress: bool | Progress = True,
     batch: int | None = None,
+    timeout_s: float | None = None,
 ) -> Results:
     """Run a study and write its results as they come.
 
@@ -59,17 +61,18 @@ def sweep(
         scheduler: Address of a Dask scheduler whose workers are used instead.
         progress: Show a bar on a terminal; or gets how many runs are done, and about how many there will be.
         batch: Runs that a worker steps together, at most.
+        timeout_s: How long a batch may take until its worker counts as stuck, [s]; see `open_workers`.
 
     Raises:
         InputError: Something of the study does not fit, or the folder has results of another study, or it has
             results and `resume` is not set.
-        CircuitkitError: A worker has ended; a run failed.
+        CircuitkitError: No worker could do a batch; a run failed.
         OutputError: The results cannot be written.
         KeyboardInterrupt: Ctrl-C came; says what is kept.
     """
     store = Store(Path(folder))
     with one_run(store.folder, resumed=resume, own=store.names):
-        return _sweep(study, store, workers, scheduler, progress, batch, resume=resume)
+        return _sweep(study, store, workers, scheduler, progress, batch, timeout_s, resume=resume)
 
 
 def _sweep(
@@ -79,13 +82,16 @@ def _sweep(
     scheduler: str | None,
     progress: bool | Progress,
     batch: int | None,
+    timeout_s: float | None,
     *,
     resume: bool,
 ) -> Results:
     cases = CasesByCell(study)
     known = store.begin(study, cases.identity(), resume=resume)
     task = Task(study, cases, known)
-    workplace = nullcontext(workers) if isinstance(workers, Workers) else open_workers(workers, scheduler)
+    workplace = (
+        nullcontext(workers) if isinstance(workers, Workers) else open_workers(workers, scheduler, timeout_s)
+    )
     try:
         with workplace as used, _reported(progress, study.name) as report:
             drive(
@@ -190,7 +196,9 @@ class Estimate:
         most: How many at most.
         shortest_s: Simulated time of the shortest run, [s].
         longest_s: Simulated time of the longest run, [s].
-        seconds: Time that one processor takes for it, about, [s]: a few robots were timed.
+        seconds: Time that one processor takes for the runs, about, [s]: a few robots were timed.
+        begin_s: Time until the first runs begin, [s]: the robot was made; a worker's start comes before.
+        start_s: Time in which a worker process starts, [s].
     """
 
     cells: int
@@ -199,6 +207,14 @@ class Estimate:
     shortest_s: float
     longest_s: float
     seconds: float
+    begin_s: float
+    start_s: float
+
+    def takes_s(self, workers: int) -> float:
+        """Time that it takes with so many workers, about, [s]."""
+        count = min(workers, self.runs)
+        start = self.start_s * max(count / processors(), 1.0) if count > 1 else 0.0
+        return start + self.begin_s + self.seconds / count
 
 
 _TIMED_S = 2.0  # simulated time of the robots that are timed, [s]
@@ -219,17 +235,19 @@ def estimate(study: Study) -> Estimate:
     most = (search.most() if search else len(study.seeds)) * len(study.cells)
     runs = min(runs, most)  # the guess is for wide grids
     mean = sum(durations) / len(durations)
-    each = _seconds_a_second(cases(0, 0))
-    return Estimate(len(study.cells), runs, most, min(durations), max(durations), each * mean * runs)
+    began = time.perf_counter()
+    Processes.start_one()
+    start_s = time.perf_counter() - began
+    each, begin_s = _seconds_a_second(cases(0, 0))
+    seconds = each * mean * runs
+    return Estimate(len(study.cells), runs, most, min(durations), max(durations), seconds, begin_s, start_s)
 
 
-def _seconds_a_second(case: Case) -> float:
-    """Time that a second of one robot takes, [s]; what befalls it late is left out."""
+def _seconds_a_second(case: Case) -> tuple[float, float]:
+    """Time that a second of one robot takes, and what is made once, [s]; what befalls it late is left out."""
     kept = tuple(each for each in case.scenario.befalling if isinstance(each, Noise | Delay))
     scenario = case.scenario.with_disturbances(kept).model_copy(update={"duration": _TIMED_S})
     short = replace(case, scenario=scenario)
     job = Job(short, tuple(short.spec(seed) for seed in range(_TIMED_ROBOTS)))
-    run_job(job)  # what is made once
-    began = time.perf_counter()
-    run_job(job)
-    return (time.perf_counter() - began) / _TIMED_S / _TIMED_ROBOTS
+    first, again = run_job(job).seconds, run_job(job).seconds
+    return again / _TIMED_S / _TIMED_ROBOTS, max(first - again, 0.0)

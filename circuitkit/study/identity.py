@@ -40,7 +40,11 @@ _LONGEST = 60_000  # letters that a TEXT of MySQL and a name of Optuna's JSON ta
 _OF_ALL = ("is ", "was ", "says ")  # what is told of a thing as a whole begins with one of these
 _OTHER_FORMS = "says something else in some of the runs"  # may well follow from what another file says
 _COMPILED = "what MuJoCo compiles of"
-_SAID = {"servo_profile", "connect", "silenced", "control_step", "duration", "until"}  # of a scenario
+# Fields of a scenario that determine nothing themselves, or that are parts or the run's own; all others count.
+_ELSEWHERE = {
+    "scenario", "description", "seed", "robot", "reference", "controller", "circuit", "settings",
+    "disturbances", "measures",
+}  # fmt: skip
 
 
 class Part:
@@ -113,7 +117,8 @@ def scenario_data(scenario: Scenario) -> dict[str, Any]:
     """What a scenario says itself, without the files that it names and what befalls the robot."""
     formulas = {name: " ".join(text.split()) for name, text in scenario.formulas.items()}
     kinds = {each.kind: plain(each) for each in scenario.measure_kinds}
-    return {**plain(scenario, _SAID), "measures": {**formulas, **kinds}}
+    own = set(type(scenario).model_fields) - _ELSEWHERE
+    return {**plain(scenario, own), "measures": {**formulas, **kinds}}
 
 
 def backend_part(circuits: Mapping[str, CircuitGraph]) -> Part:

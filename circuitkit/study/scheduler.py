@@ -7,11 +7,11 @@ what its own runs have shown, and a run's outcome is its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.study.batches import Batches
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case, Outcome
 from circuitkit.study.identity import Identity, identity_of
@@ -135,31 +135,31 @@ def drive(
         keep: Is given a task's new runs, a batch at a time.
 
     Raises:
-        CircuitkitError: `batch` is less than 1, or a worker has ended.
+        CircuitkitError: `batch` is less than 1, or no worker can do a batch.
     """
     if batch is not None and batch < 1:
         message = f"found a batch of {batch}; allowed: 1 or more"
         raise CircuitkitError(message)
     scheduler = _Scheduler(tasks)
-    under_way: dict[Future[Done], list[_Pending]] = {}
+    batches: Batches[list[_Pending]] = Batches(workers)
     try:
         while True:
             if progress is not None:
                 progress(scheduler.done, scheduler.expected())
-            while (free := workers.slots() - len(under_way)) > 0 and (
+            while (free := workers.slots() - len(batches)) > 0 and (
                 chosen := scheduler.take(batch or BATCH, free)
             ):
-                under_way[workers.submit(_job(chosen))] = chosen
-            if not under_way:
+                batches.begin(
+                    Job(chosen[0].case, tuple(each.case.spec(each.seed) for each in chosen)), chosen
+                )
+            if not batches:
                 return
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                done = workers.outcome(future, under_way[future][0].case)
-                for task, runs in scheduler.settle(under_way.pop(future), done).items():
+            for chosen, done in batches.wait():
+                for task, runs in scheduler.settle(chosen, done).items():
                     if keep is not None:
                         keep(task, runs)
     finally:
-        for future in under_way:
-            future.cancel()
+        batches.cancel()
 
 
 @dataclass(eq=False)
@@ -198,10 +198,6 @@ class _Pending:
     case: Case
     seed: int
     asked_by: list[tuple[_Cell, Request]]
-
-
-def _job(chosen: Sequence[_Pending]) -> Job:
-    return Job(chosen[0].case, tuple(each.case.spec(each.seed) for each in chosen))
 
 
 class _Scheduler:

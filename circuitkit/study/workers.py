@@ -8,24 +8,22 @@ from __future__ import annotations
 
 import os
 import re
-import signal
-import threading
+import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
-from multiprocessing.context import SpawnContext, SpawnProcess
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, listing
 from circuitkit.simulation import Disturbance, RunSpec
 from circuitkit.simulation.loop import run_and_watch
 from circuitkit.study.cases import Case, ChangedError, Outcome, plan_of
 from circuitkit.study.identity import all_versions
+from circuitkit.study.processes import Processes, this_process
 from circuitkit.study.spec import CLAMPED, RMS
 
-# One thread each for the libraries below numpy: the processes share the cores already.
-_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
 _CONNECT_S = 10.0
 _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):\d{1,5}")
 _MOST_WORKERS = 1024
@@ -46,6 +44,15 @@ class Job:
     specs: tuple[RunSpec, ...]
 
 
+def this_worker() -> str:
+    """The name of this process, and its address if it is a worker of Dask."""
+    name = this_process()
+    if "distributed" in sys.modules:
+        with suppress(ValueError):  # it is none
+            return f"{sys.modules['distributed'].get_worker().address}, {name}"
+    return name
+
+
 @dataclass(frozen=True)
 class Done:
     """A job that is done.
@@ -53,10 +60,14 @@ class Done:
     Attributes:
         outcomes: One for each run, or what keeps that run's case from being run.
         environment: With what it was done: versions, and the backends of circuits where they are known.
+        worker: Who has done it.
+        seconds: How long it took, [s].
     """
 
     outcomes: tuple[Outcome | CircuitkitError, ...]
     environment: Mapping[str, Mapping[str, str]]
+    worker: str = field(default_factory=this_worker)
+    seconds: float = 0.0
 
 
 def run_job(job: Job) -> Done:
@@ -68,10 +79,12 @@ def run_job(job: Job) -> Done:
         ChangedError: Something that determines its runs has changed.
         KeyboardInterrupt: Ctrl-C came; nothing is kept.
     """
+    began = time.perf_counter()
     case = job.case
     known = all_versions(case.scenario, None, case.reference, case.controller)
     environment: dict[str, dict[str, str]] = {"versions": known, "backend": {}}
-    return Done(_outcomes(case, job.specs, environment), environment)
+    outcomes = _outcomes(case, job.specs, environment)
+    return Done(outcomes, environment, seconds=time.perf_counter() - began)
 
 
 def _outcomes(
@@ -114,7 +127,11 @@ def _named(effort: Mapping[str, float | None]) -> dict[str, float | None]:
 
 
 class WorkerError(CircuitkitError):
-    """A worker has ended, or cannot be reached."""
+    """A worker has ended, cannot be reached, or is stuck."""
+
+
+class LostJobError(WorkerError):
+    """A worker has ended, and its job with it; another one may do that job."""
 
 
 def _as_it_is(error: Exception) -> Exception:
@@ -129,17 +146,23 @@ class Workers:
         executor: Does the jobs.
         slots: How many jobs to hand in before waiting for one, as of now.
         explain: What the user is told when the executor itself fails.
+        timeout_s: How long a job may take, [s]; if None, much longer than those before it.
+        busy: Who does jobs, for messages.
+        elsewhere: Whether the workers may be on other machines, where files may be others.
     """
 
     executor: Executor
     slots: Callable[[], int]
     explain: Callable[[Exception], Exception] = _as_it_is
+    timeout_s: float | None = None
+    busy: Callable[[], str] = lambda: "a worker"
+    elsewhere: bool = False
 
     def submit(self, job: Job) -> Future[Done]:
         """Hand in a job.
 
         Raises:
-            WorkerError: A worker has ended.
+            WorkerError: The executor takes no more.
         """
         try:
             return self.executor.submit(run_job, job)
@@ -154,17 +177,56 @@ class Workers:
             case: One of its cases.
 
         Raises:
-            WorkerError: A worker has ended, or has other versions of what the bits depend on.
+            LostJobError: Its worker has ended.
+            WorkerError: The executor has failed, or the worker has other versions of what the bits depend on.
             ChangedError: Something that determines the runs has changed since they were asked for.
         """
         try:
             done = future.result()
         except CircuitkitError:
             raise
+        except BrokenExecutor as error:
+            if not isinstance(self.executor, Processes):
+                raise self.explain(error) from error
+            how, by_signal = self.executor.how_it_ended(future)
+            hint = (
+                "the machine may be out of memory: take fewer --workers"
+                if by_signal
+                else 'a script that starts workers needs `if __name__ == "__main__":` around its main part'
+            )
+            message = f"{self.executor.name(future)} {how}; {hint}"
+            raise LostJobError(message) from error
         except Exception as error:
             raise self.explain(error) from error
         require_same_environment(done, case)
+        if self.elsewhere:
+            told = tuple(_told_by(done.worker, each) for each in done.outcomes)
+            return replace(done, outcomes=told)
         return done
+
+    def stop(self, future: Future[Done], seconds: float) -> None:
+        """End a job that takes longer than it should; it is lost then.
+
+        Raises:
+            WorkerError: Workers of this kind cannot be ended from here.
+        """
+        if isinstance(self.executor, Processes):
+            self.executor.kill(future)
+            return
+        future.cancel()
+        message = (
+            f"{self.busy()} has been at a batch for {seconds:.0f} s; see to it, or allow more by "
+            "--timeout (timeout_s), and go on by --resume"
+        )
+        raise WorkerError(message)
+
+
+def _told_by(worker: str, outcome: Outcome | CircuitkitError) -> Outcome | CircuitkitError:
+    """What a worker elsewhere complains of, with its name: files that it needs may be missing there."""
+    if not isinstance(outcome, InputError):
+        return outcome
+    told = f"so says the worker {worker}, which needs the same files at the same paths"
+    return InputError(*(replace(p, hint=f"{p.hint}; {told}" if p.hint else told) for p in outcome.problems))
 
 
 class ThisProcess(Executor):
@@ -178,125 +240,6 @@ class ThisProcess(Executor):
         except Exception as error:  # who asks for the result gets it
             future.set_exception(error)
         return future
-
-
-def whole(work: Callable[[], T]) -> T:
-    """Do something that a Ctrl-C shall not cut in two; it takes effect afterwards.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C came; the work is done.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return work()
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        result = work()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
-    return result
-
-
-@contextmanager
-def _holding_back(number: signal.Signals) -> Iterator[None]:
-    """Have a signal wait in this thread, and in processes that it starts for as long as they live."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-class _WorkerProcess(SpawnProcess):
-    """A process whose libraries use one thread; they read the environment when they are loaded."""
-
-    def start(self) -> None:
-        """Start; a Ctrl-C meanwhile takes effect afterwards, and the process itself never gets one.
-
-        A process inherits which signals are held back, and this one is before it can say that it ignores it.
-        """
-
-        def begin() -> None:
-            with environment(**_ONE_THREAD), _holding_back(signal.SIGINT):
-                super(_WorkerProcess, self).start()
-
-        whole(begin)
-
-
-class _Context(SpawnContext):
-    """Starts processes and remembers them: to say how one has ended, and to end them whatever they do."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.started: list[SpawnProcess] = []
-
-    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: ANN401, N802 - the name that multiprocessing has
-        """Prepare a process."""
-        process = _WorkerProcess(*args, **kwargs)
-        self.started.append(process)
-        return process
-
-    def explain(self, error: Exception) -> Exception:
-        """Which process has ended, and how; the executor ends the others itself."""
-        if not isinstance(error, BrokenExecutor):
-            return error
-        codes = [code for code in (self._exit_code(each) for each in self.started) if code is not None]
-        code = next((code for code in codes if code != -signal.SIGTERM), codes[0] if codes else None)
-        how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
-        hint = (
-            "the machine may be out of memory: take fewer --workers"
-            if code is not None and code < 0
-            else 'a script that starts workers needs `if __name__ == "__main__":` around its main part'
-        )
-        return WorkerError(f"a worker process has ended {how}; {hint}")
-
-    @staticmethod
-    def _exit_code(process: SpawnProcess) -> int | None:
-        process.join(timeout=1.0)
-        return process.exitcode
-
-    def end(self) -> None:
-        """End all processes at once."""
-        for process in self.started:
-            if process.is_alive():
-                process.terminate()
-
-
-def _leave_interrupts_to_the_parent() -> None:
-    """Ctrl-C reaches all processes of a terminal; the one that started the sweep ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-@contextmanager
-def environment(**values: str) -> Iterator[None]:
-    """Have environment variables for a while, which processes that start meanwhile get, too."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-@contextmanager
-def _processes(count: int) -> Iterator[Workers]:
-    context = _Context()
-    executor = ProcessPoolExecutor(count, context, _leave_interrupts_to_the_parent)
-    try:
-        yield Workers(executor, lambda: count, context.explain)
-    finally:
-        # `shutdown` alone would wait for the jobs that are under way; Python 3.14 has `terminate_workers`.
-        context.end()
-        executor.shutdown(cancel_futures=True)
 
 
 @contextmanager
@@ -313,6 +256,11 @@ def _dask(address: str) -> Iterator[Workers]:
         """One job under way and one waiting for each thread that there is now, so that none waits for us."""
         return max(2 * int(sum(client.nthreads().values())), 1)
 
+    def busy() -> str:
+        """The addresses of the workers that do something."""
+        names = listing(name for name, jobs in client.processing().items() if jobs)
+        return f"one of the Dask workers at {names}"
+
     def explain(error: Exception) -> Exception:
         return WorkerError(
             f"the Dask workers of '{address}' cannot do a job: {type(error).__name__}: {error}"
@@ -322,7 +270,7 @@ def _dask(address: str) -> Iterator[Workers]:
         if not client.nthreads():
             message = f"the Dask scheduler at '{address}' has no workers; start some: dask worker {address}"
             raise WorkerError(message)
-        yield Workers(client.get_executor(pure=False), slots, explain)
+        yield Workers(client.get_executor(pure=False), slots, explain, busy=busy, elsewhere=True)
     finally:
         client.close()  # takes back what is under way, and leaves the scheduler and its workers as they are
 
@@ -360,8 +308,17 @@ def require_same_environment(done: Done, case: Case) -> None:
         if other:
             shown = listing(f"{name} {found[name]}" for name in other)
             allowed = listing(f"{name} {ours.get(name)}" for name in other)
-            message = f"a worker has {words}{shown}; allowed: as this process, {allowed}"
+            message = f"the worker {done.worker} has {words}{shown}; allowed: as this process, {allowed}"
             raise WorkerError(message)
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Workers]:
+    executor = Processes(count)
+    try:
+        yield Workers(executor, lambda: count)
+    finally:
+        executor.shutdown()
 
 
 def processors() -> int:
@@ -370,12 +327,16 @@ def processors() -> int:
 
 
 @contextmanager
-def open_workers(count: int | None = None, scheduler: str | None = None) -> Iterator[Workers]:
+def open_workers(
+    count: int | None = None, scheduler: str | None = None, timeout_s: float | None = None
+) -> Iterator[Workers]:
     """Workers for as long as the block lasts.
 
     Args:
         count: Processes of this machine; by default one for each processor. One is this process itself.
         scheduler: Address of a Dask scheduler, such as `tcp://192.168.0.7:8786`, to use its workers instead.
+        timeout_s: How long a job may take until its worker counts as stuck, [s]; by default much longer than
+            the jobs before it. What this process does itself has no limit.
 
     Raises:
         CircuitkitError: `count` is less than 1, or given together with `scheduler`.
@@ -391,9 +352,9 @@ def open_workers(count: int | None = None, scheduler: str | None = None) -> Iter
     number = count or processors()
     if scheduler is not None:
         with _dask(scheduler) as workers:
-            yield workers
+            yield replace(workers, timeout_s=timeout_s)
     elif number == 1:
         yield Workers(ThisProcess(), lambda: 1)
     else:
         with _processes(number) as workers:
-            yield workers
+            yield replace(workers, timeout_s=timeout_s)

@@ -104,7 +104,10 @@ def test_a_worker_with_other_versions_is_refused_since_its_bits_may_be_others():
     ours = {"versions": versions(), "backend": {}}
     require_same_environment(Done((), ours), case)
     other = Done((), {**ours, "versions": versions() | {"mujoco": "3.0.0"}})
-    message = rf"a worker has mujoco 3.0.0; allowed: as this process, mujoco {versions()['mujoco']}"
+    message = (
+        rf"the worker process \d+ on '.+' has mujoco 3.0.0; "
+        rf"allowed: as this process, mujoco {versions()['mujoco']}"
+    )
     with pytest.raises(WorkerError, match=message):
         require_same_environment(other, case)
 

@@ -6,6 +6,7 @@ import errno
 import json
 import multiprocessing
 import os
+import re
 import shutil
 import signal
 from concurrent.futures import ThreadPoolExecutor
@@ -251,14 +252,53 @@ def test_without_search_shares_are_found(tmp_path):
 # --- workers ------------------------------------------------------------------------------------------------
 
 
-def test_a_worker_that_is_killed_is_told():
-    def kill_one(done, _):
-        if done:
-            os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL)
+def kill_the_first(number):
+    """Progress that sends a signal to a worker, once something is done."""
+    sent = []
 
-    message = r"has ended by signal 9; .*fewer --workers"
+    def progress(done, _):
+        if done and not sent:
+            sent.append(multiprocessing.active_children()[0].pid)
+            os.kill(sent[0], number)
+
+    return progress
+
+
+def test_a_worker_that_is_killed_is_replaced_and_its_batch_is_run_again(swept, caplog):
+    """In memory and, to the last byte, in a folder."""
+    with open_workers(2) as workers:
+        (results,) = run_studies([small_study()], workers, batch=1, progress=kill_the_first(signal.SIGKILL))
+    assert results.rows == swept[1].rows
+    assert re.search(
+        r"worker process \d+ on '.+' was ended by signal 9 \(SIGKILL\); .*; its batch \(1 run of the "
+        r"scenario 'nao_push' with seed \d\) is run again, try 2 of 3",
+        caplog.text,
+    )
+    assert not multiprocessing.active_children()
+
+
+def test_a_worker_that_is_stopped_is_ended_when_its_time_is_over(swept, caplog, monkeypatch):
+    monkeypatch.setattr("circuitkit.study.batches._LEAST_S", 3.0)
+    with open_workers(2) as workers:
+        (results,) = run_studies([small_study()], workers, batch=1, progress=kill_the_first(signal.SIGSTOP))
+    assert results.rows == swept[1].rows
+    assert re.search(
+        r"worker process \d+ on '.+' was stuck at it for \d+ s and was ended; its batch", caplog.text
+    )
+    assert not multiprocessing.active_children()
+
+
+def test_a_batch_that_three_workers_did_not_survive_is_told():
+    def kill_all(*_):
+        for child in multiprocessing.active_children():
+            os.kill(child.pid, signal.SIGKILL)
+
+    message = (
+        r"a batch was lost 3 times: 1 run of the scenario 'nao_push' with seed \d; the last time, worker "
+        r"process \d+ on '.+' was ended by signal 9 \(SIGKILL\); .*fewer --workers"
+    )
     with open_workers(2) as workers, pytest.raises(WorkerError, match=message):
-        run_studies([small_study()], workers, batch=1, progress=kill_one)
+        run_studies([small_study()], workers, batch=1, progress=kill_all)
     assert not multiprocessing.active_children()
 
 

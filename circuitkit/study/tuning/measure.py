@@ -99,11 +99,13 @@ class Reporter:
         trials: How many candidates there will be.
         report: Gets it; None if nobody wants it.
         stage: `train`, `confirm` or `test`.
+        sign: Is called now and then, to say that the tuning is alive.
     """
 
     trials: int
     report: Callable[[Progress], object] | None
     stage: str = TRAIN
+    sign: Callable[[], object] | None = None
     _began: float = field(default_factory=time.monotonic)
     _history: History = field(default_factory=lambda: History((), maximise=True))
     _before: int = 0  # candidates that an earlier run had measured
@@ -118,6 +120,8 @@ class Reporter:
 
     def runs(self, done: int, total: int) -> None:
         """So many runs of so many that are under way are done."""
+        if self.sign is not None:
+            self.sign()
         if self.report is None:
             return
         under_way = self._under_way if self.stage == TRAIN else 0

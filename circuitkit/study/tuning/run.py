@@ -20,12 +20,14 @@ from circuitkit.study.identity import Identity, identity_of
 from circuitkit.study.plain import plain
 from circuitkit.study.spec import CLAMPED, RMS
 from circuitkit.study.tuning.history import draw_history, write_table
+from circuitkit.study.tuning.lock import StudyLock
 from circuitkit.study.tuning.measure import Measure, Progress, Reporter
 from circuitkit.study.tuning.objective import LIMIT, Score
 from circuitkit.study.tuning.result import folder_of, provenance, write_result
 from circuitkit.study.tuning.runs import Condition, Runs
 from circuitkit.study.tuning.search import History, Search, Trial, run_search, silence_optuna
 from circuitkit.study.tuning.spec import CONFIRM, TEST, TRAIN, Tuning, load_tuning
+from circuitkit.study.tuning.storage import Storage
 from circuitkit.study.workers import Workers, open_workers
 
 _ALL_DIGITS = 17
@@ -85,6 +87,7 @@ def tune(
     result: str | Path | None = None,
     verbose: bool = False,
     progress: Callable[[Progress], object] | None = None,
+    timeout_s: float | None = None,
 ) -> Tuned:
     """Search for the values with which a circuit, a controller or a reference does best.
 
@@ -102,12 +105,14 @@ def tune(
         result: Where the tuned file goes, instead of the folder.
         verbose: Let Optuna log.
         progress: Gets how far it is.
+        timeout_s: How long a batch may take until its worker counts as stuck, [s]; see `open_workers`.
 
     Returns:
         What was found; after Ctrl-C, the best so far.
 
     Raises:
         InputError: The study is wrong; or there is one already, and it shall not be resumed.
+        StorageError: Another process works on the study, or the database cannot be used.
         MissingDependencyError: Optuna or cmaes are not installed.
         KeyboardInterrupt: Ctrl-C came before any candidate was measured.
     """
@@ -122,32 +127,30 @@ def tune(
     silence_optuna(verbose=verbose)
     search = _search(tuning, parts[TRAIN])
     total = search.rounded(trials or tuning.spec.trials)
-    own = (_DATABASE, f"{_DATABASE}-wal", f"{_DATABASE}-shm")
-    with one_run(folder, resumed=resume, own=own), open_workers(workers, scheduler) as opened:
-        reporter = Reporter(total, progress)
+    make_folder(folder)
+    place = Storage(storage or _database(folder), None if storage else folder)
+    own = (_DATABASE, f"{_DATABASE}-journal")
+    with (
+        one_run(folder, resumed=resume, own=own),
+        StudyLock(place, search.name) as lock,
+        open_workers(workers, scheduler, timeout_s) as opened,
+    ):
+        reporter = Reporter(total, progress, sign=lock.sign)
         measure = Measure(tuning, parts[TRAIN], opened, reporter.runs)
-        history = run_search(
-            search,
-            storage or _database(folder),
-            total,
-            measure,
-            resume=resume,
-            folder=None if storage else folder,
-            before=reporter.generation,
-        )
+        history = run_search(search, place, total, measure, resume=resume, before=reporter.generation)
         if not any(trial.value is not None for trial in history.trials) and history.interrupted:
-            raise KeyboardInterrupt(kept_in(history, storage or f"'{folder}'"))
-        best, confirmed, test = _chosen(tuning, history, parts, opened, reporter)
+            raise KeyboardInterrupt(kept_in(history, place))
+        history, best, confirmed, test = _chosen(tuning, history, parts, opened, reporter)
         write_table(tuning, history, folder / "trials.csv")
         for suffix in ("png", "pdf"):
             draw_history(tuning, history, best, search.size, folder / f"history.{suffix}")
         write_result(tuning, best.settings, provenance(tuning, history, best, confirmed, test), path)
     start = next((trial for trial in history.trials if trial.number == 0 and trial.value is not None), None)
-    kept = kept_in(history, storage or f"'{folder}'") if history.interrupted else ""
+    kept = kept_in(history, place) if history.interrupted else ""
     return Tuned(history, best, confirmed, test, start, path, kept)
 
 
-def kept_in(history: History, place: str) -> str:
+def kept_in(history: History, place: Storage) -> str:
     """What a tuning that was stopped has kept, and how to go on."""
     count = len(history.trials)
     kept = "1 candidate is" if count == 1 else f"{count} candidates are"
@@ -176,11 +179,11 @@ def _chosen(
     parts: Mapping[str, tuple[Runs, ...]],
     workers: Workers,
     reporter: Reporter,
-) -> tuple[Trial, Score | None, Score | None]:
-    """The best candidate with what confirmation and test say of it, if the search was not ended early."""
+) -> tuple[History, Trial, Score | None, Score | None]:
+    """The best candidate with what confirmation and test say of it, as far as Ctrl-C let them."""
     best, confirmed = history.best, None
     if history.interrupted:
-        return best, None, None
+        return history, best, None, None
     try:
         if tuning.spec.confirm is not None:
             reporter.stage = CONFIRM
@@ -194,17 +197,16 @@ def _chosen(
         reporter.stage = TEST
         (test,) = Measure(tuning, parts[TEST], workers, reporter.runs)([best.settings])
     except KeyboardInterrupt:
-        return best, confirmed, None
+        return replace(history, interrupted=True), best, confirmed, None
     if isinstance(test, CircuitkitError):
         raise test
-    return best, confirmed, test
+    return history, best, confirmed, test
 
 
 def _database(folder: Path) -> str:
-    """The URL of the database in a folder, which is made; any name of a folder can be in it."""
+    """The URL of the database in a folder; any name of a folder can be in it."""
     from sqlalchemy import URL  # comes with Optuna
 
-    make_folder(folder)
     url = URL.create("sqlite", database=str(folder.resolve() / _DATABASE))
     return url.render_as_string(hide_password=False)
 

@@ -1,24 +1,19 @@
-"""The search: Optuna proposes a generation of candidates, all of them are measured together, and it is told.
+"""The search: a round of candidates is proposed, all are measured together, and their scores are kept.
 
-Everything that the samplers know is in Optuna's storage, and each candidate is drawn by a seed of its own, so
-a search that was stopped goes on as if it had not been: candidates that were proposed and never measured are
-measured first, then the next ones are proposed as they would have been.
+The storage holds what has been measured, and nothing that is under way: each candidate comes in with its
+score, by one transaction. Candidates are a function of the seed and of what has been measured in the rounds
+before. So a search goes on as if it had not been stopped, wherever that was: a round of which only a part is
+kept is proposed again, and the rest of it is measured.
 """
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
-import sqlite3
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
+from importlib.metadata import version
 from typing import Any, Literal
-
-import numpy as np
 
 from circuitkit.base.errors import (
     CircuitkitError,
@@ -26,17 +21,27 @@ from circuitkit.base.errors import (
     MissingDependencyError,
     Problem,
     SimulationError,
+    listing,
 )
 from circuitkit.study.identity import Identity, unpacked
+from circuitkit.study.plain import digest
 from circuitkit.study.tuning.objective import Score
+from circuitkit.study.tuning.samplers import (
+    Cmaes,
+    OtherCandidateError,
+    Sampler,
+    Space,
+    Told,
+    Tpe,
+    Values,
+    require_same,
+)
 from circuitkit.study.tuning.space import Searched, texts
-from circuitkit.study.workers import whole
+from circuitkit.study.tuning.storage import Storage, StorageError, opened, patiently
 
 try:
     import optuna
     from optuna.trial import FrozenTrial, TrialState
-
-    importlib.import_module("cmaes")  # which Optuna would miss only later
 except ImportError as missing:  # an extra
     raise MissingDependencyError(missing.name or "optuna", "tune", "tuning") from missing
 
@@ -47,7 +52,6 @@ _IDENTITY = "circuitkit:identity"
 _KNOWN = "circuitkit:measured"
 _NOBODY = Identity("", {}, {})
 _TPE_GENERATION = 10
-_FIXED = "fixed_params"  # how Optuna marks a trial that was put into its queue
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,31 @@ class Search:
         """So many candidates, and then to the end of the generation; the start goes with the first one."""
         first = 1 if self.start else 0
         return first + max(1, math.ceil((trials - first) / self.size)) * self.size
+
+    def rounds(self, told: Sequence[Told]) -> tuple[list[Sequence[Told]], int]:
+        """What has been told, by rounds, the last of which may be a part or empty; and the size of that one.
+
+        A round takes a generation to its end: it replaces the candidates that could not be measured.
+        """
+        found, complete = list[Sequence[Told]](), 0
+        while True:
+            size = self._end_of_generation(complete) - complete
+            begun = sum(map(len, found))
+            found.append(told[begun : begun + size])
+            if len(found[-1]) < size:
+                return found, size
+            complete += sum(each.value is not None for each in found[-1])
+
+    def _end_of_generation(self, complete: int) -> int:
+        """How many candidates are complete once this generation is; the start goes with the first one."""
+        first = 1 if self.start else 0
+        generations = max(complete - first, 0) // self.size
+        return first + (generations + 1) * self.size
+
+    def proposes(self) -> Sampler:
+        """Who proposes its candidates."""
+        space = Space(self.parameters, self.start, self.seed, self.maximise)
+        return Cmaes(space, self.size, self.spread) if self.sampler == "cmaes" else Tpe(space)
 
 
 @dataclass(frozen=True)
@@ -154,25 +183,23 @@ class History:
 
 def run_search(
     search: Search,
-    storage: str,
+    storage: str | Storage,
     trials: int,
     evaluate: Evaluate,
     *,
     resume: bool = False,
-    folder: Path | None = None,
     before: Callable[[History, int], object] | None = None,
 ) -> History:
     """Search until so many candidates have been measured, those of earlier runs included.
 
-    A generation is always measured as a whole. Ctrl-C ends it early; what has been measured is kept.
+    A generation is always measured as a whole. Ctrl-C ends it early; what has been kept stays.
 
     Args:
         search: What is searched.
-        storage: URL of a database, such as `sqlite:///out/trials.db`.
+        storage: A database, or its URL, such as `sqlite:///out/trials.db`.
         trials: After how many candidates no generation is begun; see `Search.rounded`.
         evaluate: Measures candidates together.
         resume: Go on with what the storage has, instead of refusing it.
-        folder: Where the storage lies, if it is the folder that the user named, not the storage.
         before: Gets what has been measured before each generation, and how many candidates that has; 0 at
             the end.
 
@@ -181,196 +208,147 @@ def run_search(
             be opened.
         CircuitkitError: All candidates of a generation fail: the first reason.
     """
-    study = _open(search, storage, folder, resume=resume)
-    proposer = _Proposer(search, study)
-    history = _history(search, study)
+    store = _Store(search, storage if isinstance(storage, Storage) else Storage(storage), resume=resume)
     try:
-        while generation := whole(partial(proposer.propose, trials)):
+        while proposed := _propose(search, store, trials):
             if before is not None:
-                before(history, len(generation))
-            scores = evaluate([texts(search.parameters, trial.params) for trial in generation])
-            whole(partial(_keep_all, search, study, generation, scores))
-            history = _history(search, study)
+                before(store.history(), len(proposed))
+            scores = evaluate([texts(search.parameters, values) for values in proposed])
+            for values, score in zip(proposed, scores, strict=True):
+                store.add(values, score)
             failures = [score for score in scores if isinstance(score, CircuitkitError)]
-            if len(failures) == len(generation):
+            if len(failures) == len(proposed):
                 raise failures[0]
     except KeyboardInterrupt:
-        return History(_history(search, study).trials, search.maximise, interrupted=True)
+        store.read()
+        return store.history(interrupted=True)
     if before is not None:
-        before(history, 0)
-    return history
+        before(store.history(), 0)
+    return store.history()
 
 
-def _open(search: Search, storage: str, folder: Path | None, *, resume: bool) -> optuna.Study:
-    """The study in its storage, new or to be resumed."""
-    from sqlalchemy.exc import SQLAlchemyError  # comes with Optuna
+def _propose(search: Search, store: _Store, trials: int) -> list[Values]:
+    """The candidates that are measured next: a round, or what is missing of it; none if there are enough.
 
-    other = "storage" if folder is None else "folder"
-    direction: Literal["maximize", "minimize"] = "maximize" if search.maximise else "minimize"
+    Raises:
+        InputError: What the storage holds is not what would be proposed.
+    """
+    (*rounds, begun), size = search.rounds(store.told)
+    if not begun and len(store.told) >= trials:
+        return []
     try:
-        database = _database(storage)
-        names = optuna.get_all_study_names(database)
-        resume = resume or _is_untouched(search, database, names)
-        if search.name in names and not resume:
-            option, place = ("--storage", storage) if folder is None else ("--output", f"'{folder}'")
-            message = f"found a study '{search.name}' in {place} already"
-            hint = f"go on with it by --resume, or choose another {other}"
-            raise InputError(Problem("", 0, 0, option, message, hint))
-        study = optuna.create_study(
-            storage=database, study_name=search.name, direction=direction, load_if_exists=resume
-        )
-    except (ImportError, SQLAlchemyError, ValueError) as error:  # no driver, no database, no URL
+        proposed = search.proposes()(rounds, size)
+        require_same(search.parameters, sum(map(len, rounds)), begun, proposed)
+    except OtherCandidateError as error:
+        packages = listing(f"{name} {version(name)}" for name in ("cmaes", "numpy", "optuna"))
         message = (
-            f"cannot open '{storage}': {str(error).splitlines()[0]}; allowed: a URL such as sqlite:///x.db"
+            f"candidate {error.number} of the study '{search.name}' in {store.place} is not what its seed "
+            f"proposes with {packages}"
         )
-        raise InputError(Problem("", 0, 0, "--storage", message)) from error
-    before = study.user_attrs.get(_IDENTITY)
-    if before is None and not study.get_trials(deepcopy=False):
-        study.set_user_attr(_IDENTITY, search.identity.packed())
-        if search.start:
-            study.enqueue_trial(dict(search.start))
-    elif difference := search.identity.differences(unpacked(before)):
-        message = f"the study '{search.name}' was begun with something else: {difference}"
-        hint = f"undo that, or begin anew in another {other}"
-        raise InputError(Problem("", 0, 0, "--resume", message, hint))
-    return study
+        hint = f"go on with the versions with which it was begun, or {store.place.anew}"
+        raise InputError(Problem("", 0, 0, "--resume", message, hint)) from error
+    return proposed[len(begun) :]
 
 
-def _is_untouched(search: Search, database: optuna.storages.RDBStorage, names: Sequence[str]) -> bool:
-    """Whether the study was stopped before any candidate was measured, and is still the same."""
-    if search.name not in names:
-        return False
-    study = optuna.load_study(study_name=search.name, storage=database)
-    before = study.user_attrs.get(_IDENTITY)
-    same = before is None or not search.identity.differences(unpacked(before))
-    return same and not _history(search, study).trials
+class _Store:
+    """A study in its storage.
 
+    Attributes:
+        place: Where that is.
+        told: What has been measured.
+    """
 
-def _database(url: str) -> optuna.storages.RDBStorage:
-    """The storage of a URL; SQLite with a log instead of a flush to the disk a value."""
-    if not url.startswith("sqlite:"):
-        return optuna.storages.RDBStorage(url)
+    def __init__(self, search: Search, place: Storage, *, resume: bool) -> None:
+        """Open it, new or to be resumed.
 
-    class Connection(sqlite3.Connection):
-        def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - as sqlite3 declares it
-            super().__init__(*arguments, **options)
-            self.execute("PRAGMA journal_mode=WAL")
-            self.execute("PRAGMA synchronous=NORMAL")
-
-    return optuna.storages.RDBStorage(url, engine_kwargs={"connect_args": {"factory": Connection}})
-
-
-class _Cmaes(optuna.samplers.CmaEsSampler):
-    """Optuna's CMA-ES from the first generation on, where it would draw the first candidate at random."""
-
-    def __init__(self, search: Search, space: Mapping[str, Any], seed: int) -> None:
-        start = dict(search.start) or None
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # x0 and sigma0 go away with Optuna 6, margins are experimental
-            super().__init__(
-                x0=start,
-                sigma0=search.spread,
-                n_startup_trials=0,
-                popsize=search.size,
-                seed=seed,
-                with_margin=any(each.whole for each in search.parameters.values()),
-            )
-        self._space = dict(space)
-        self._seed = seed
-
-    def _init_optimizer(self, *arguments: Any) -> Any:  # noqa: ANN401 - as Optuna declares it
-        """The first state of CMA-ES; what is drawn then shall not depend on whether this was asked for."""
-        optimizer = super()._init_optimizer(*arguments)
-        self._cma_rng.rng.seed(self._seed)
-        return optimizer
-
-    def infer_relative_search_space(self, study: optuna.Study, trial: FrozenTrial) -> dict[str, Any]:
-        """Everything, but for the start, which is no member of a generation."""
-        del study
-        return {} if _FIXED in trial.system_attrs else self._space
-
-
-class _Proposer:
-    """Asks Optuna for candidates, a generation at a time."""
-
-    def __init__(self, search: Search, study: optuna.Study) -> None:
-        self._search, self._study = search, study
-        self._space = {name: each.distribution() for name, each in search.parameters.items()}
-
-    def propose(self, trials: int) -> list[FrozenTrial]:
-        """The candidates of the next generation: those that nobody has measured yet, and new ones.
-
-        Args:
-            trials: After how many measured candidates no generation is begun.
+        Raises:
+            InputError: It is there already, or has another definition; or the storage cannot be opened.
+            StorageError: The storage cannot be used.
         """
-        study = self._study
-        running, finished, complete = [], 0, 0
-        for trial in study.get_trials(deepcopy=False):
-            if trial.state == TrialState.RUNNING and set(trial.params) != set(self._space):
-                study.tell(trial.number, state=TrialState.FAIL)  # the end came while it was being proposed
-                finished += 1
-            elif trial.state == TrialState.RUNNING:
-                running.append(trial)
-            elif trial.state != TrialState.WAITING:
-                finished += 1
-                complete += trial.state == TrialState.COMPLETE
-        new = self._end_of_generation(complete) - complete - len(running) if finished < trials else 0
-        if new <= 0:
-            return running
-        number = finished + len(running)
-        for each in range(number, number + new):
-            study.sampler = self._sampler(each)
-            study.ask(self._space)
-        return study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+        self._search, self.place = search, place
+        self._space = {name: each.distribution() for name, each in search.parameters.items()}
+        database = opened(place)
+        direction: Literal["maximize", "minimize"] = "maximize" if search.maximise else "minimize"
+        self._study = patiently(
+            place,
+            lambda: optuna.create_study(
+                storage=database, study_name=search.name, direction=direction, load_if_exists=True
+            ),
+        )
+        stored = patiently(place, lambda: self._study.user_attrs.get(_IDENTITY))
+        self.read()
+        different = "" if stored is None else search.identity.differences(unpacked(stored))
+        if not resume and (different or self.told):
+            message = f"found a study '{search.name}' in {place} already"
+            hint = f"go on with it by --resume, or choose another {place.word}"
+            raise InputError(Problem("", 0, 0, place.option, message, hint))
+        if different or (stored is None and self.told):
+            message = f"the study '{search.name}' was begun with something else: {different}"
+            hint = f"undo that, or begin anew in another {place.word}"
+            raise InputError(Problem("", 0, 0, "--resume", message, hint))
+        if stored is None:
+            patiently(place, lambda: self._study.set_user_attr(_IDENTITY, search.identity.packed()))
 
-    def _end_of_generation(self, complete: int) -> int:
-        """How many candidates are complete once this generation is; the start goes with the first one."""
-        first = 1 if self._search.start else 0
-        generations = max(complete - first, 0) // self._search.size
-        return first + (generations + 1) * self._search.size
+    def read(self) -> None:
+        """Read what has been measured.
 
-    def _sampler(self, number: int) -> optuna.samplers.BaseSampler:
-        """The sampler for a candidate, with a seed of its own; all that it knows is in the storage."""
-        seed = int(np.random.SeedSequence([self._search.seed, number]).generate_state(1)[0])
-        if self._search.sampler == "cmaes":
-            return _Cmaes(self._search, self._space, seed)
-        return optuna.samplers.TPESampler(seed=seed)
+        Raises:
+            StorageError: It cannot be read, or it is not what a search has written.
+        """
+        found = patiently(self.place, lambda: self._study.get_trials(deepcopy=False))
+        kept = [self._kept(number, trial) for number, trial in enumerate(found)]
+        self.told, self._trials = [told for told, _ in kept], [trial for _, trial in kept]
+
+    def history(self, *, interrupted: bool = False) -> History:
+        """What has been measured so far."""
+        return History(tuple(self._trials), self._search.maximise, interrupted)
+
+    def add(self, values: Values, score: Score | CircuitkitError) -> None:
+        """Keep the score of the next candidate.
+
+        Raises:
+            StorageError: It cannot be written.
+        """
+        value: float | None = None
+        known: dict[str, Any] = {"settings": texts(self._search.parameters, values)}
+        if isinstance(score, CircuitkitError):
+            known["error"] = str(score)
+        elif not math.isfinite(score.value):
+            known["error"] = "the objective is not finite"
+        else:
+            value = score.value
+            known |= {"figures": list(score.figures), "runs": score.runs}
+        number = len(self.told)
+        trial = optuna.trial.create_trial(
+            state=TrialState.FAIL if value is None else TrialState.COMPLETE,
+            value=value,
+            params=dict(values),
+            distributions=self._space,
+            user_attrs={_KNOWN: known | {"sum": _sum(number, values, value, known)}},
+        )
+        patiently(self.place, lambda: self._study.add_trial(trial))
+        self.told.append(Told(values, value))
+        self._trials.append(self._kept(number, trial)[1])
+
+    def _kept(self, number: int, trial: FrozenTrial) -> tuple[Told, Trial]:
+        """A candidate as it is stored."""
+        known = trial.user_attrs.get(_KNOWN, {})
+        value = trial.value if trial.state == TrialState.COMPLETE else None
+        kept = {key: each for key, each in known.items() if key != "sum"}
+        if not kept or known.get("sum") != _sum(number, trial.params, value, kept):
+            message = (
+                f"trial {number} of the study '{self._search.name}' in {self.place} is not what this version "
+                f"of circuitkit has written; put a copy of the database back, or {self.place.anew}"
+            )
+            raise StorageError(message)
+        figures, runs = tuple(kept.get("figures", ())), kept.get("runs", 0)
+        found = Trial(number, kept["settings"], value, figures, runs, kept.get("error", ""))
+        return Told(trial.params, value), found
 
 
-def _keep_all(
-    search: Search,
-    study: optuna.Study,
-    generation: Sequence[FrozenTrial],
-    scores: Sequence[Score | CircuitkitError],
-) -> None:
-    """Keep the scores of a generation."""
-    for trial, score in zip(generation, scores, strict=True):
-        _keep(search, study, trial, score)
-
-
-def _keep(search: Search, study: optuna.Study, trial: FrozenTrial, score: Score | CircuitkitError) -> None:
-    """Keep the score of a candidate."""
-    known: dict[str, Any] = {"settings": texts(search.parameters, trial.params)}
-    value: float | None = None
-    if isinstance(score, CircuitkitError):
-        known["error"] = str(score)
-    elif not math.isfinite(score.value):
-        known["error"] = "the objective is not finite"
-    else:
-        value = score.value
-        known |= {"figures": score.figures, "runs": score.runs}
-    study._storage.set_trial_user_attr(trial._trial_id, _KNOWN, known)  # a FrozenTrial has no way to do it
-    study.tell(trial.number, value, state=TrialState.FAIL if value is None else None)
-
-
-def _history(search: Search, study: optuna.Study) -> History:
-    trials = []
-    for trial in study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.FAIL)):
-        if known := trial.user_attrs.get(_KNOWN):
-            figures, runs = tuple(known.get("figures", ())), known.get("runs", 0)
-            error = known.get("error", "")
-            trials.append(Trial(trial.number, known["settings"], trial.value, figures, runs, error))
-    return History(tuple(sorted(trials, key=lambda each: each.number)), search.maximise)
+def _sum(number: int, values: Values, value: float | None, known: Mapping[str, Any]) -> str:
+    """Checksum of a candidate, for databases have none."""
+    return digest([number, dict(sorted(values.items())), value, dict(sorted(known.items()))])
 
 
 def silence_optuna(*, verbose: bool) -> None:
