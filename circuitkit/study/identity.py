@@ -40,7 +40,7 @@ _LONGEST = 60_000  # letters that a TEXT of MySQL and a name of Optuna's JSON ta
 _OF_ALL = ("is ", "was ", "says ")  # what is told of a thing as a whole begins with one of these
 _OTHER_FORMS = "says something else in some of the runs"  # may well follow from what another file says
 _COMPILED = "what MuJoCo compiles of"
-# Fields of a scenario that determine nothing themselves, or that are parts or the run's own; all others count.
+# Fields of a scenario that determine nothing themselves, or are parts of their own; all others count.
 _ELSEWHERE = {
     "scenario", "description", "seed", "robot", "reference", "controller", "circuit", "settings",
     "disturbances", "measures",
