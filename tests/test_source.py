@@ -307,7 +307,6 @@ leaves = (
 )
 texts = texts.filter(lambda text: not not_a_text(text))
 leaves = leaves.filter(lambda leaf: not isinstance(leaf, str) or not not_a_text(leaf))
-leaves = leaves.filter(lambda leaf: not isinstance(leaf, float) or leaf == 0 or abs(leaf) > 1e-307)
 keys = texts.filter(lambda text: text and not not_a_name(text))
 data = st.recursive(
     leaves, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(keys, inner, max_size=4)

@@ -119,7 +119,9 @@ def read_bytes(path: str | Path, what: str, most: int = MOST_TEXT) -> bytes:
     """
     with open_file(path, what, most) as file:
         try:
-            content = file.read(most + 1)
+            size = os.fstat(file.fileno()).st_size  # `read(most)` makes room for all of it
+            content = file.read(min(size, most) + 1)
+            content += file.read(most + 1 - len(content)) if len(content) > size else b""
         except OSError as error:
             raise InputError(_unopened(path, what, error)) from error
     if len(content) > most:

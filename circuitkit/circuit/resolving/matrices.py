@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuitkit.base.archive import REAL, ArchiveError, open_archive
-from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, listing
+from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, Problem, listing
 from circuitkit.base.reading import MIB, MOST_TABLE, decoded, open_file, read_text
 from circuitkit.circuit.resolving import sparse
 from circuitkit.circuit.resolving.connectivity import Connections
@@ -103,7 +103,11 @@ def _header(path: Path) -> tuple[int, list[str] | None]:
                 return 0, None
             above += 1
     first = decoded(line, str(path))
-    cells = [cell.strip() for cell in next(csv.reader([first]))]
+    try:
+        cells = [cell.strip() for cell in next(csv.reader([first]))]
+    except csv.Error as error:  # a carriage return in the middle of a line
+        message = f"found a line that is no CSV: {error}; allowed: numbers or names with commas between them"
+        raise InputError(Problem(str(path), above + 1, 1, "", message)) from error
     if any(_is_number(cell) for cell in cells):
         return 0, None
     return above + 1, cells
