@@ -19,6 +19,7 @@ from circuitkit.circuit.expressions.expression import (
     Number,
     Unary,
 )
+from circuitkit.base.reading import not_a_text
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 
 UNITS = ("1", "mm", "m", "deg", "N", "%")
@@ -27,7 +28,10 @@ TIMINGS = ("as_printed", "synchronous", "ordered")
 
 magnitudes = st.floats(1e-3, 1e3)
 signed = st.builds(lambda size, sign: size * sign, magnitudes, st.sampled_from([1, -1]))
-descriptions = st.text(st.characters(exclude_categories=("Cs", "Cn")), max_size=20)
+# What is no printable text is refused where it is read.
+descriptions = st.text(st.characters(exclude_categories=("Cs", "Cn")), max_size=20).filter(
+    lambda text: not not_a_text(text)
+)
 
 
 def with_unit(number: float, unit: str) -> float | str:

@@ -197,7 +197,7 @@ class Processes(Executor):
     def how_it_ended(self, future: Future[Any]) -> tuple[str, bool]:
         """How the process has ended whose work is lost, and whether a signal did it."""
         process = self._doing[future]
-        process.join(timeout=1.0)
+        process.join(timeout=_GRACE_S)
         code = process.exitcode
         number = -code if code is not None and code < 0 else (code or 0) - BY_SIGNAL
         if number > 0:

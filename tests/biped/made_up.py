@@ -113,10 +113,11 @@ def judged(readings: Array, specs: tuple[RunSpec, ...]) -> Recording:
     judge = judge_of_edges()
     tracker = Tracker(nao(), standing(), effects, judge, (), step_s=0.01, ticks=ticks, cut=TickLog())
     nothing = np.zeros((ticks, batch, 0))
-    tracker.look(readings, nothing)
+    qpos = np.zeros((ticks, batch, nao().model.nq))
+    tracker.look(readings, nothing, qpos)
     return Recording(
         robot=nao(), motion=standing(), specs=specs, effects=effects, controller="open_loop", circuit=edges(),
-        step_s=0.01, judge=judge, readings=readings, qpos=np.zeros((ticks, batch, nao().model.nq)),
+        step_s=0.01, judge=judge, readings=readings, qpos=qpos,
         observations=nothing, commands=nothing, trace=nothing, observation_names=(), command_names=(),
         trace_names=(), measures=tracker.measures(), end_tick=tracker.end_tick,
     )  # fmt: skip

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from circuitkit.base.units import Quantity, parse_quantity
@@ -79,6 +79,7 @@ def test_arithmetic_is_that_of_floats(a, b):
 
 @given(st.sampled_from(["mm", "deg", "ms", "N", "mV"]), st.floats(-1e3, 1e3), st.integers(2, 9))
 def test_a_multiple_keeps_its_unit_and_a_ratio_has_none(unit, value, factor):
+    assume(value == 0 or abs(value) > 1e-300)  # in SI units it is no float any more
     quantity = parse_quantity(f"{value!r} {unit}")
     product = evaluate(f"{factor} * {value!r} {unit}", look_up)
     assert product.unit == quantity.unit

@@ -202,9 +202,9 @@ def test_verbose_says_what_runs_in_place_of_the_compiled_backend(circuitkit, mon
 
 def test_a_seed_of_more_than_64_bits(circuitkit):
     outcome = circuitkit("run", "binn_lateral", "--steps", "3", "--seed", str(2**64), "--backend", "numpy")
-    assert (outcome.code, outcome.out) == (1, "")
-    message = "seed: found 18446744073709551616; allowed: whole numbers from 0 to 18446744073709551615"
-    assert outcome.err.splitlines() == [message]
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "--seed" in outcome.err
+    assert "less than or equal to 9223372036854775807" in outcome.err
 
 
 def test_more_steps_than_any_machine_has_memory_for(circuitkit):

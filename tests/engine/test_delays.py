@@ -26,29 +26,29 @@ outputs: {{y: {{unit: "1", readout: {{ring: 1}}}}}}
 @pytest.mark.parametrize(
     ("delays", "place", "steps", "need"),
     [
-        (("1e9 s", "1 s", "1 s"), "f.yaml:9:5: synapse u -> q", 10**11, "2.4e+03 GB"),
-        (("1 s", "1e9 s", "1 s"), "f.yaml:10:5: synapse q -> ring[1]", 5 * 10**11, "1.2e+04 GB"),
-        (("1 s", "1 s", "1e5 s"), "f.yaml:12:5: projection ring -> ring", 5 * 10**7, "120 GB"),
+        (("1 h", "1 s", "1 s"), "f.yaml:9:5: synapse u -> q", 360_000, "0.00985 GB"),
+        (("1 s", "1 h", "1 s"), "f.yaml:10:5: synapse q -> ring[1]", 1_800_000, "0.0444 GB"),
+        (("1 s", "1 s", "1e3 s"), "f.yaml:12:5: projection ring -> ring", 500_000, "1.2 GB"),
     ],
 )
 def test_a_delay_that_does_not_fit_into_memory_is_named(monkeypatch, delays, place, steps, need):
-    monkeypatch.setattr(memory, "machine_bytes", lambda: 24_000_000_000)
+    monkeypatch.setattr(memory, "machine_bytes", lambda: 5_000_000)
     graph = parse_circuit(CIRCUIT.format(*delays), "f.yaml")
     with pytest.raises(InputError) as caught:
         compile_circuit(graph)
     assert str(caught.value) == (
         f"{place}: found {steps} steps of delay, which need about {need} of memory, "
-        "but this machine has 24 GB; allowed: fewer"
+        "but this machine has 0.005 GB; allowed: fewer"
     )
 
 
 def test_steps_of_a_delay_are_counted_with_32_bits(monkeypatch):
     monkeypatch.setattr(memory, "machine_bytes", lambda: 10**15)
-    graph = parse_circuit(CIRCUIT.format("2.5e7 s", "1 s", "1 s"), "f.yaml")
+    graph = parse_circuit(CIRCUIT.format("1 h", "1 s", "1 s").replace("control_step: 10 ms", "control_step: 1 us"), "f.yaml")
     with pytest.raises(InputError) as caught:
         compile_circuit(graph)
     assert str(caught.value) == (
-        "f.yaml:9:5: synapse u -> q: found 2500000000 steps of delay; allowed: up to 2147483647"
+        "f.yaml:9:5: synapse u -> q: found 3600000000 steps of delay; allowed: up to 2147483647"
     )
 
 

@@ -196,6 +196,7 @@ def test_what_cannot_be_written_faithfully_is_not_written(tmp_path, monkeypatch)
 )
 def test_a_database_lies_in_the_folder_whatever_its_name(tmp_path, name):
     folder = tmp_path / name
+    folder.mkdir()
     storage = optuna.storages.RDBStorage(_database(folder))
     optuna.create_study(storage=storage, study_name="small")
     assert (folder / "trials.db").stat().st_size > 0
