@@ -89,7 +89,6 @@ def test_who_needs_a_renderer_names_the_variable(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "backend"),
     [
-        (b"", "nothing"),
         (b"text.usetex: True\nlines.linewidth: 20\nsavefig.dpi: 7\nfont.size: 40\n", ""),
         (b"lines.linewidth: blurb\nno.such.key: 1\n", "module://nothing"),
         (b"\xff\xfe: x", ""),

@@ -44,7 +44,9 @@ def test_a_delay_that_does_not_fit_into_memory_is_named(monkeypatch, delays, pla
 
 def test_steps_of_a_delay_are_counted_with_32_bits(monkeypatch):
     monkeypatch.setattr(memory, "machine_bytes", lambda: 10**15)
-    graph = parse_circuit(CIRCUIT.format("1 h", "1 s", "1 s").replace("control_step: 10 ms", "control_step: 1 us"), "f.yaml")
+    graph = parse_circuit(
+        CIRCUIT.format("1 h", "1 s", "1 s").replace("control_step: 10 ms", "control_step: 1 us"), "f.yaml"
+    )
     with pytest.raises(InputError) as caught:
         compile_circuit(graph)
     assert str(caught.value) == (

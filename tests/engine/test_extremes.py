@@ -24,7 +24,7 @@ from circuitkit.engine.backends.c import fusion
 from circuitkit.engine.operations import Map, Noise, Sum
 
 pytestmark = pytest.mark.usefixtures("no_fallback", "quick_builds")
-CASES = int(os.environ.get("CIRCUITKIT_CASES", "300"))
+CASES = int(os.environ.get("CIRCUITKIT_CASES", "200"))
 OF_A_STRUCTURE = 50
 LARGEST = 3.4e38  # of inputs and initial values, which are finite in either precision
 EXTREMES = np.array([

@@ -14,7 +14,7 @@ from circuitkit.engine import compile_circuit
 from circuitkit.engine.backends.c import build
 from circuitkit.engine.backends.compiled_backend import print_program
 
-CIRCUITS = int(os.environ.get("CIRCUITKIT_CASES", "300")) // 150
+CIRCUITS = int(os.environ.get("CIRCUITKIT_CASES", "300")) // 300
 HERE = Path(__file__).parent
 
 
