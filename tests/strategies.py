@@ -7,6 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from circuitkit.base.reading import not_a_text
 from circuitkit.base.source import dump_yaml
 from circuitkit.circuit import CircuitGraph, parse_circuit
 from circuitkit.circuit.expressions.expression import (
@@ -19,7 +20,6 @@ from circuitkit.circuit.expressions.expression import (
     Number,
     Unary,
 )
-from circuitkit.base.reading import not_a_text
 from circuitkit.circuit.models import NEURON_MODEL_NAMES, neuron_model
 
 UNITS = ("1", "mm", "m", "deg", "N", "%")
