@@ -101,7 +101,9 @@ class Limits:
         cut: When it had to: a column for each command, then one for each control.
     """
 
-    def __init__(self, robot: RobotModel, commands: Sequence[str], batch: int, step_s: float) -> None:
+    def __init__(
+        self, robot: RobotModel, commands: Sequence[str], batch: int, step_s: float, targets: Array
+    ) -> None:
         """Find the bounds.
 
         Args:
@@ -109,6 +111,7 @@ class Limits:
             commands: Which commands there are, in order.
             batch: B.
             step_s: The control step, which makes a rate a change.
+            targets: All that the reference will want of the controls; shape (T, nu).
 
         Raises:
             UnknownNameError: The robot does not have one of the commands.
@@ -133,9 +136,18 @@ class Limits:
         self._is_slow = bool(np.isfinite(change).any())
         self._sent = np.clip(tiled([0.0] * len(chosen)), *self._ends)
         self._wanted = tiled([0.0] * robot.model.nu)
-        self._low, self._high = (tiled(each) for each in control_ranges(robot))
+        ranges = control_ranges(robot)
+        self._low, self._high = (tiled(each) for each in ranges)
+        self._never_cuts_controls = self._stay_within(ranges, targets)
         self.cut = TickLog((*commands, *control_names(robot.model)))
         self._tick = 0
+
+    def _stay_within(self, ranges: tuple[Array, Array], targets: Array) -> bool:
+        """Whether no commands within their limits, with no targets, take a control out of its range."""
+        parts = [self._mixing * end[0] for end in self._ends]
+        least = np.minimum(*parts).sum(axis=1) + targets.min(axis=0)
+        most = np.maximum(*parts).sum(axis=1) + targets.max(axis=0)
+        return bool(((least >= ranges[0]) & (most <= ranges[1])).all())
 
     def restart(self, robots: NDArray[np.int64]) -> None:
         """Forget what was sent to some robots, which start again."""
@@ -155,6 +167,14 @@ class Limits:
             high = np.minimum(high, self._sent + self._change)
         sent = np.maximum(commands, low, out=self._sent)
         np.minimum(sent, high, out=sent)  # in two steps: a quarter of the time of `np.clip`
+        if self._never_cuts_controls:
+            np.vecdot(sent[:, None], self._mixing, ctrl)
+            np.add(ctrl, targets, ctrl)
+            if sent.tobytes() != commands.tobytes():
+                self._wanted[:] = ctrl
+                self._note(commands, sent, ctrl)
+            self._tick += 1
+            return
         np.vecdot(sent[:, None], self._mixing, self._wanted)
         np.add(self._wanted, targets, self._wanted)
         np.fmax(self._wanted, self._low, out=ctrl)  # as quick as `maximum`, and leaves nothing but numbers

@@ -102,7 +102,7 @@ class Worlds:
         self._inherited = np.zeros((batch, len(KINDS)), dtype=np.int64)
         self._failed: dict[int, str] = {}
         self._targets, self._last_target = targets[:, np.newaxis], len(targets) - 1
-        self.limits = Limits(robot, commands, batch, step_s)
+        self.limits = Limits(robot, commands, batch, step_s, targets)
         self._ctrl = self.physics.bind("ctrl")
         self._force = self.physics.bind("xfrc_applied")
         self.qpos, self.qvel = self.physics.bind("qpos"), self.physics.bind("qvel")

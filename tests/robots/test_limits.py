@@ -64,7 +64,7 @@ def test_ranges_are_those_of_the_actuator_else_of_the_joint_else_of_mujoco(model
 
 
 def test_each_control_is_cut_to_its_range_and_each_command_to_its_limits(model):
-    limits, found = Limits(model, tuple(COMMANDS), 1, 0.01), []
+    limits, found = Limits(model, tuple(COMMANDS), 1, 0.01, model.held[np.newaxis]), []
     for row in ([10, 9, 0, 1e11], [-10, -9, 0, -1e300], [0.1, 0.5, 0, 7]):
         limits(np.array([row], dtype=float), model.held[np.newaxis], ctrl := np.zeros((1, 3)))
         found.append(ctrl[0])
