@@ -7,10 +7,9 @@ from __future__ import annotations
 import contextlib
 import math
 from fractions import Fraction
-from operator import mul
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from circuitkit.base.errors import UnitError, listing
@@ -126,9 +125,6 @@ def test_the_dimension_of_a_product_is_the_sum(first, second):
     def text(factors: list[tuple[str, int]]) -> str:
         return "*".join(f"{symbol}^{power}" for symbol, power in factors)
 
-    sizes = [abs(math.log10(parse_unit(symbol).factor)) for symbol, _ in first + second]
-    powers = [abs(power) for _, power in first + second]
-    assume(sum(map(mul, sizes, powers)) < 100)  # beyond that a unit is refused
     product, left, right = (
         parse_unit(f"{text(first)}*{text(second)}"),
         parse_unit(text(first)),

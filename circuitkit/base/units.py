@@ -217,7 +217,7 @@ _NUMBER = re.compile(
 )
 _MAX_LENGTH = 80
 _LONGEST = 500  # of a number with its unit
-_SMALLEST_UNIT = Fraction(1, 10**100)  # one that floats have room around, above as below
+_SMALLEST_UNIT = Fraction(1, 10**250)  # one that floats have room around, above as below
 
 
 def plain_signs(text: str) -> str:
