@@ -1,88 +1,31 @@
-"""The files of an MJCF as data: itself, all that it includes, attaches and loads, and all that these do."""
+"""What an MJCF is as data: what its files say, and a checksum of what MuJoCo compiles of them."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 import re
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from circuitkit.base.errors import InputError
+from circuitkit.base.reading import read_bytes
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
+from circuitkit.robots.mjcf_files import MOST_ASSET, MjcfFile, files_of
 
-_FOLDERS = ("meshdir", "texturedir", "assetdir")  # attributes that say where files are looked for
-_VERBS = {"include": "includes", "model": "attaches"}  # by the element that names a file
 # Of a compiled model: where its files lie, the sizes with those of these paths, and its address.
 _OF_PATHS = re.compile("^_|pathadr|^npaths$|^nbuffer$")
-_IN_QUOTES = re.compile(r"""=\s*["']([^"']+)["']""")
-
-
-@dataclass(frozen=True)
-class _File:
-    """A file that has been read.
-
-    Attributes:
-        title: Its path from the MJCF, with who names it.
-        content: Its bytes.
-        root: Its outermost element; None if it is no XML.
-    """
-
-    title: str
-    content: bytes
-    root: ET.Element | None
-
-    @property
-    def data(self) -> Any:  # noqa: ANN401 - plain data
-        """What it says: its elements with their attributes, or the checksum of what is no XML."""
-        if self.root is None:
-            return {"sha256": hashlib.sha256(self.content).hexdigest()}
-        return {_step(self.root, 0): _element(self.root)}
-
-    def names(self) -> Iterator[tuple[str, str]]:
-        """Whatever may be the name of a file in it, with what it would be done to that file."""
-        if self.root is None:
-            if self.content.lstrip()[:1] == b"<":  # XML that this reader does not understand
-                for found in _IN_QUOTES.findall(self.content.decode("utf-8", "replace")):
-                    yield "loads", found
-            return
-        for element in self.root.iter():
-            for key, value in element.attrib.items():
-                if key.startswith("file") or "." in value or "/" in value:
-                    yield _VERBS.get(element.tag, "loads"), value
-
-    def folders(self) -> Iterator[str]:
-        """The folders in which it says that files lie."""
-        for element in () if self.root is None else self.root.iter("compiler"):
-            yield from (element.attrib[key] for key in _FOLDERS if key in element.attrib)
 
 
 def mjcf_files(path: Path) -> dict[str, Any]:
     """All files of an MJCF as data, by their paths from its folder and who names them.
 
-    A file is one of them if any attribute names it: so kinds of assets, and configurations of plug-ins, that
-    nobody has thought of here are among them, too. Comments, spaces and the spelling of numbers do not count.
+    Comments, spaces and the spelling of numbers do not count.
     """
-    known: dict[Path, _File] = {}
-    folders = {""}
-    pending = {path.resolve(): (path, path.name)}
-    while pending:
-        for place, (file, title) in pending.items():
-            known[place] = _read(file, title)
-            folders.update(known[place].folders())
-        pending = {}
-        for place, each in known.items():
-            for verb, name in each.names():
-                for found in _candidates((path.parent, place.parent), folders, name):
-                    if found.resolve() not in known:
-                        shown = os.path.relpath(found, path.parent)
-                        pending.setdefault(found.resolve(), (found, f"{shown}, which {place.name} {verb}"))
-    return {each.title: each.data for each in known.values()}
+    return {each.title(path.parent): _data(each) for each in files_of(path) if each.error is None}
 
 
 def compiled_sum(path: Path) -> str:
@@ -103,25 +46,14 @@ def compiled_sum(path: Path) -> str:
     return summed.hexdigest()
 
 
-def _read(file: Path, title: str) -> _File:
-    content, root = b"", None
-    with suppress(OSError):  # MuJoCo says so where it needs the file
-        content = file.read_bytes()
-    if content.lstrip()[:1] == b"<" or content[:3] == b"\xef\xbb\xbf":
-        with suppress(ET.ParseError, ValueError, LookupError):
-            root = ET.fromstring(content)
-    return _File(title, content, root)
-
-
-def _candidates(tops: tuple[Path, ...], folders: set[str], name: str) -> Iterator[Path]:
-    """The files that a name may stand for; MuJoCo looks beside the file, and where `compiler` says."""
-    for top in dict.fromkeys(tops):
-        for folder in sorted(folders):
-            for inner in dict.fromkeys((name, Path(name).name)):  # the second for `strippath`
-                found = top / folder / inner
-                with suppress(OSError, ValueError):  # a name that is too long, or has a NUL
-                    if inner and found.is_file():
-                        yield found
+def _data(file: MjcfFile) -> Any:  # noqa: ANN401 - plain data
+    """What a file says: its elements with their attributes, or the checksum of what is no XML."""
+    if file.root is not None:
+        return {_step(file.root, 0): _element(file.root)}
+    content = b""
+    with suppress(InputError):  # MuJoCo says so where it needs the file
+        content = read_bytes(file.path, "a regular file", MOST_ASSET)
+    return {"sha256": hashlib.sha256(content).hexdigest()}
 
 
 def _element(element: ET.Element) -> dict[str, Any]:
