@@ -190,6 +190,22 @@ def test_a_process_that_is_ended_while_it_writes_leaves_nothing_or_the_next_take
     assert (tmp_path / "f.txt").read_text(encoding="utf-8") == "old"
 
 
+@pytest.mark.parametrize("twice", [False, True])
+def test_in_the_command_line_being_ended_while_writing_is_an_exit_code_and_leaves_nothing(tmp_path, twice):
+    (tmp_path / "f.txt").write_text("old", encoding="utf-8")
+    first = "from circuitkit.base.signals import tidy_up_when_ended; tidy_up_when_ended()"
+    words = [sys.executable, "-c", first + _WRITING, "file"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(words, cwd=tmp_path, **pipes, text=True) as running:
+        assert running.stdout.readline() == "writing\n"
+        running.send_signal(signal.SIGTERM)
+        if twice:
+            running.send_signal(signal.SIGHUP)
+        assert running.wait(timeout=30) in ({143, 129} if twice else {143})
+    assert [each.name for each in tmp_path.iterdir()] == ["f.txt"]
+    assert (tmp_path / "f.txt").read_text(encoding="utf-8") == "old"
+
+
 def test_files_of_others_that_look_like_ours_stay(tmp_path):
     for name in (".part", ".circuitkit-notes.part", ".circuitkit-12345678.part.bak.txt", "a.part"):
         (tmp_path / name).write_text("", encoding="utf-8")

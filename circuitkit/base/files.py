@@ -13,22 +13,19 @@ import os
 import re
 import secrets
 import shutil
-import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from types import FrameType
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.signals import tidied_up_when_ended
 
 if sys.platform != "win32":
     import fcntl
 
 _SCRATCH = re.compile(r"\.circuitkit-[0-9a-f]{8}\.part(\.\w+)?")
-_ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 _NOT_SYNCED = frozenset(
     {errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES}
 )  # by this kind of file system
@@ -158,7 +155,7 @@ def scratch(folder: Path, suffix: str = "", *, is_folder: bool = False) -> Itera
         is_folder: Make a folder, which only this user can enter.
     """
     _take_away_leftovers(folder)
-    with _unwound_when_ended():
+    with tidied_up_when_ended():
         made, lock = _make(folder, suffix if re.fullmatch(r"\.\w{1,16}", suffix) else "", is_folder=is_folder)
         try:
             yield made
@@ -210,37 +207,6 @@ def _take_away_leftovers(folder: Path) -> None:
                         shutil.rmtree(entry.path) if is_folder else Path(entry.path).unlink()
                 finally:
                     os.close(opened)
-
-
-class _EndedError(BaseException):
-    """A signal came that ends the process."""
-
-
-@contextmanager
-def _unwound_when_ended() -> Iterator[None]:
-    """Leave the block, with all that it tidies up, before SIGTERM or SIGHUP end the process as they do.
-
-    Where somebody else has a handler for them, or in other threads, which get no signals, nothing changes.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-
-    def leave(number: int, _: FrameType | None) -> None:
-        came.append(number)
-        raise _EndedError
-
-    handled = [number for number in _ENDING if signal.getsignal(number) is signal.SIG_DFL]
-    for number in handled:
-        signal.signal(number, leave)
-    try:
-        yield
-    finally:
-        for number in handled:
-            signal.signal(number, signal.SIG_DFL)
-        if came:
-            os.kill(os.getpid(), came[0])
 
 
 def _is_special(path: Path) -> bool:
