@@ -185,9 +185,14 @@ def test_no_message_writes_over_a_terminal_or_tells_a_password():
         "postgresql://me:secret@host/db",
         "tcp://secret@host:1",
         "mysql://h/d?user=u&password=secret",
+        "mysql://h/d?passwd=secret",
+        "mysql://me:a@b:secret/@host/db",
+        f"mysql://me:secret{'x' * 300}@host/db",
     ):
         assert "secret" not in str(Problem("", 0, 0, "", f"cannot open '{url}'"))
         assert "secret" not in str(CircuitkitError(f"cannot open '{url}'"))
+    for said in ("sqlite:////home/me@work/x.db", "http://host/a@b", "tcp://host:1, user@host"):
+        assert str(Problem("", 0, 0, "", said)) == said
 
 
 @pytest.mark.parametrize(

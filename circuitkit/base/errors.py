@@ -19,12 +19,18 @@ _WORDS = re.compile("[a-z0-9]+")
 
 
 _LONG_WORD = re.compile(r"([^\s;,']{100})[^\s;,']{100,}")  # of a message
-_SECRET = re.compile(r"(?<=://)[^/\s@]*(?=@)|(?<=password=)[^&\s'\"]+")  # user and password in a URL
+# User and password of a URL, as SQLAlchemy reads them: a user has no slash, a password may have anything.
+_SECRET = re.compile(r"(?<=://)[^:/\s@]*(?::\S*)?(?=@)|(?<=password=)[^&\s'\"]+|(?<=passwd=)[^&\s'\"]+")
+
+
+def without_secrets(text: str) -> str:
+    """A text without the users and passwords of the URLs in it."""
+    return _SECRET.sub("…", text)
 
 
 def printable(text: str) -> str:
     """A text as it may be shown: with an escape for what would write over a terminal, and without secrets."""
-    text = _SECRET.sub("…", text)
+    text = without_secrets(text)
     if text.isprintable():
         return text
     shown = (c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
@@ -58,7 +64,7 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}" if self.file else ""
-        message = _LONG_WORD.sub(r"\1…", self.message)
+        message = _LONG_WORD.sub(r"\1…", without_secrets(self.message))
         text = ": ".join(part for part in (place, self.where, message) if part)
         return printable(f"{text}; {self.hint}" if self.hint else text)
 

@@ -14,7 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, Problem
+from circuitkit.base.errors import (
+    CircuitkitError,
+    InputError,
+    MissingDependencyError,
+    Problem,
+    without_secrets,
+)
 
 try:
     import optuna
@@ -36,11 +42,6 @@ class StorageError(CircuitkitError):
     """The database of a tuning cannot be used: it is damaged, locked, full or not to be written."""
 
 
-def shown_url(url: str) -> str:
-    """A URL without its password."""
-    return re.sub(r"(?<=://)([^/@:]*):.*@", r"\1:***@", url)
-
-
 @dataclass(frozen=True)
 class Storage:
     """A storage as the user named it.
@@ -54,7 +55,7 @@ class Storage:
     folder: Path | None = None
 
     def __str__(self) -> str:
-        return shown_url(self.url) if self.folder is None else f"'{self.folder}'"
+        return without_secrets(self.url) if self.folder is None else f"'{self.folder}'"
 
     @property
     def option(self) -> str:
@@ -89,12 +90,12 @@ def opened(place: Storage) -> optuna.storages.RDBStorage:
     try:
         return patiently(place, work)
     except (ImportError, sql.exc.ArgumentError, sql.exc.NoSuchModuleError) as error:  # no driver, no URL
-        first = str(error.__cause__ or error).splitlines()[0].replace(place.url, str(place))
+        first = without_secrets(str(error.__cause__ or error).splitlines()[0])
         raise _cannot_open(place, first) from error
 
 
 def _cannot_open(place: Storage, why: str) -> InputError:
-    message = f"cannot open '{shown_url(place.url)}': {why}; allowed: a URL such as sqlite:///x.db"
+    message = f"cannot open '{without_secrets(place.url)}': {why}; allowed: a URL such as sqlite:///x.db"
     return InputError(Problem("", 0, 0, "--storage", message))
 
 
