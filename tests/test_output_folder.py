@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import pytest
 
@@ -88,3 +89,14 @@ def test_a_list_that_nobody_here_wrote_removes_nothing(tmp_path, text, caplog):
     assert outside.exists()
     assert caplog.messages == [f"'{folder}' also holds what this run did not write: link"]
     assert set(json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]) == {"a"}
+
+
+def test_pipes_in_the_folder_are_not_waited_at(tmp_path, caplog):
+    run(tmp_path, "a", "b")
+    for name in (MANIFEST, "b"):
+        (tmp_path / name).unlink()
+        os.mkfifo(tmp_path / name)
+    (tmp_path / MANIFEST).unlink()
+    (tmp_path / MANIFEST).write_text('{"format": 1, "files": {"b": ""}}', encoding="utf-8")
+    run(tmp_path, "a")
+    assert caplog.messages == [f"'{tmp_path}' also holds what this run did not write: b"]

@@ -9,13 +9,23 @@ import socket
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
-from circuitkit.base.reading import not_a_name, not_a_text, read_bytes, read_text, resolved
+from circuitkit.base.reading import (
+    checksum_of,
+    environment,
+    not_a_name,
+    not_a_text,
+    read_bytes,
+    read_text,
+    resolved,
+)
 from circuitkit.base.source import scan_text
-from circuitkit.circuit import load_circuit
+from circuitkit.circuit import load_circuit, parse_circuit
 from circuitkit.circuit.load import check
+from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.input_table import read_inputs
 from circuitkit.robots import build_model, load_robot
 from circuitkit.simulation import Scenario
@@ -313,3 +323,26 @@ def test_nothing_is_suggested_that_was_written():
     Path("c.yaml").write_text(text, encoding="utf-8")
     (error,) = check("c.yaml")[0]
     assert error.hint == "a member is called by its number, such as p[0]"
+
+
+@pytest.mark.parametrize(("value", "read"), [(" 4\n", "4"), ("", ""), ("/tmp/é\udcff", "/tmp/é\udcff")])
+def test_variables_of_the_environment_are_without_spaces_around_them(monkeypatch, value, read):
+    monkeypatch.setenv("CIRCUITKIT_CACHE", value)
+    assert environment("CIRCUITKIT_CACHE") == read
+
+
+@pytest.mark.parametrize("variable", ["CC", "CIRCUITKIT_CACHE", "CIRCUITKIT_CFLAGS", "CIRCUITKIT_THREADS"])
+def test_variables_with_control_characters_are_refused_by_name(monkeypatch, variable):
+    monkeypatch.setenv("CIRCUITKIT_CACHE", "cache")
+    monkeypatch.setenv(variable, "a\x1b[2Jb")
+    circuit = parse_circuit(CIRCUIT)
+    with pytest.raises(InputError, match=rf"^\${variable}: found the control character U\+001B; allowed: "):
+        run(compile_circuit(circuit, backend="compiled"), {"x": np.zeros(3)})
+
+
+def test_checksums_are_of_regular_files():
+    Path("a").write_bytes(b"abc")  # the sum is that of FIPS 180-2
+    assert checksum_of("a", "a file") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    os.mkfifo("p")
+    with pytest.raises(InputError, match="found a named pipe; allowed: a file"):
+        checksum_of("p", "a file")

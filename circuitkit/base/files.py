@@ -20,6 +20,7 @@ from functools import cache
 from pathlib import Path
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.reading import MOST_TABLE, read_bytes
 from circuitkit.base.signals import tidied_up_when_ended
 
 if sys.platform != "win32":
@@ -272,9 +273,9 @@ def verified(path: Path, remedy: str) -> bytes:
 
     Raises:
         DamagedFileError: A bit of it differs, or it was never sealed.
-        OSError: It cannot be read.
+        InputError: It cannot be read.
     """
-    content = path.read_bytes()
+    content = read_bytes(path, "what was written here", MOST_TABLE)
     found = _SEALED.findall(content)
     if len(found) != 1 or found[0] != _sealing(content.replace(found[0], SEAL.encode())):
         what = "its bytes are not those that were written" if found else "it has no checksum"

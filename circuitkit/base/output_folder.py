@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from circuitkit.base.errors import listing
+from circuitkit.base.errors import InputError, listing
 from circuitkit.base.files import noting_what_is_written, write_text
+from circuitkit.base.reading import checksum_of, read_bytes
 
 MANIFEST = "files.json"
 _LOG = logging.getLogger("circuitkit")
@@ -69,9 +69,9 @@ def one_run(
 def _listed(place: Path) -> Mapping[str, str]:
     """The files of the run before and their checksums; none if nobody says."""
     try:
-        files = json.loads((place / MANIFEST).read_text(encoding="utf-8"))["files"]
+        files = json.loads(read_bytes(place / MANIFEST, "the files of a run"))["files"]
         return {str(name): str(checksum) for name, checksum in files.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}
 
 
@@ -87,7 +87,7 @@ def _remove(place: Path, files: Mapping[str, str]) -> None:
     """Remove files that are as they were written, and folders that are empty then."""
     for name, checksum in files.items():
         path = place / name
-        if path.resolve() == path and path.is_relative_to(place) and _checksum(path) == checksum:
+        if path.resolve() == path and path.is_relative_to(place) and _checksum(path) == checksum != "":
             with suppress(OSError):
                 path.unlink()
                 for above in path.relative_to(place).parents[:-1]:
@@ -95,11 +95,10 @@ def _remove(place: Path, files: Mapping[str, str]) -> None:
 
 
 def _checksum(path: Path) -> str:
-    """SHA-256 of a file; empty if there is none."""
+    """SHA-256 of a regular file; empty if there is none."""
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError):
+        return checksum_of(path, "a file of a run")
+    except InputError:
         return ""
 
 

@@ -8,11 +8,13 @@ takes to the line that does.
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import re
 import stat
+import sys
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from circuitkit.base.errors import InputError, Problem, Unopened, suggest
 
@@ -30,6 +32,7 @@ _UNPRINTABLE = (
 )
 _ANY_UNPRINTABLE = re.compile(f"[{_UNPRINTABLE}]")
 _ANY_NOT_IN_NAMES = re.compile(f"[{_UNPRINTABLE}\t\n\r\x85\u200c\u200d\u2028\u2029]")
+_ANY_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # names of files in it may have what is no text
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a named pipe",
@@ -39,7 +42,7 @@ _KINDS = {
 }
 
 
-def open_file(path: str | Path, what: str, most: int) -> BinaryIO:
+def open_file(path: str | Path, what: str, most: int) -> BufferedReader:
     """Open a regular file to read bytes.
 
     Args:
@@ -128,6 +131,32 @@ def read_bytes(path: str | Path, what: str, most: int = MOST_TEXT) -> bytes:
         message = f"found a file that is larger than it says; allowed: {what} of up to {most / MIB:g} MiB"
         raise InputError(Unopened(str(path), 1, 1, "", message))
     return content
+
+
+def checksum_of(path: str | Path, what: str, most: int = sys.maxsize) -> str:
+    """SHA-256 of a regular file, which may be larger than the memory; see `open_file`.
+
+    Raises:
+        InputError: It cannot be opened or read.
+    """
+    with open_file(path, what, most) as file:
+        try:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise InputError(_unopened(path, what, error)) from error
+
+
+def environment(variable: str) -> str:
+    """The value of a variable of the environment, without spaces around it; empty if it is not set.
+
+    Raises:
+        InputError: It has a control character.
+    """
+    value = os.environ.get(variable, "").strip()
+    if (found := _ANY_CONTROL.search(value)) is not None:
+        message = f"{_called(found[0])}; allowed: printable text, or unset it"
+        raise InputError(Problem("", 0, 0, f"${variable}", message))
+    return value
 
 
 def read_text(path: str | Path, what: str, most: int = MOST_TEXT) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -12,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from circuitkit.base.errors import InputError
-from circuitkit.base.reading import read_bytes
+from circuitkit.base.reading import checksum_of
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.robots.mjcf_files import MOST_ASSET, MjcfFile, files_of
 
@@ -50,10 +49,10 @@ def _data(file: MjcfFile) -> Any:  # noqa: ANN401 - plain data
     """What a file says: its elements with their attributes, or the checksum of what is no XML."""
     if file.root is not None:
         return {_step(file.root, 0): _element(file.root)}
-    content = b""
-    with suppress(InputError):  # MuJoCo says so where it needs the file
-        content = read_bytes(file.path, "a regular file", MOST_ASSET)
-    return {"sha256": hashlib.sha256(content).hexdigest()}
+    try:
+        return {"sha256": checksum_of(file.path, "a regular file", MOST_ASSET)}
+    except InputError:
+        return {}  # MuJoCo says so where it needs the file
 
 
 def _element(element: ET.Element) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.reading import environment
 
 Image = NDArray[np.uint8]
 
@@ -52,7 +53,7 @@ def graphics_library() -> str:
     Raises:
         RendererError: None works.
     """
-    wanted = os.environ.get(_VARIABLE, "").lower().strip()
+    wanted = environment(_VARIABLE).lower()
     if not sys.platform.startswith("linux"):
         return wanted
     if wanted and wanted not in _MODULES:

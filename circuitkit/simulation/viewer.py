@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 import warnings
@@ -10,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.reading import environment
 from circuitkit.simulation.result import Result, summarise
 from circuitkit.simulation.scene import ReplayModel, add_arrow, place_camera
 
@@ -87,7 +87,7 @@ def _require_display() -> None:
     Raises:
         DisplayError: It cannot.
     """
-    named = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    named = environment("DISPLAY") or environment("WAYLAND_DISPLAY")
     if sys.platform.startswith("linux") and not named:
         message = f"there is no display: neither DISPLAY nor WAYLAND_DISPLAY is set; {_INSTEAD}"
         raise DisplayError(message)

@@ -176,7 +176,7 @@ class Store:
         for file in files:
             try:
                 table = pa.parquet.read_table(pa.BufferReader(verified(file, remedy)))
-            except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
+            except (InputError, OSError, UnicodeDecodeError, pa.ArrowException) as error:
                 message = f"cannot read '{file}': {error}; {remedy}"
                 raise CircuitkitError(message) from error
             for row in table.to_pylist():

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from circuitkit.base.errors import CircuitkitError
+from circuitkit.base.reading import environment
 from circuitkit.circuit.expressions.expression import Binary, Call, Expression, Unary
 from circuitkit.engine.backends import Kernel
 from circuitkit.engine.backends.c import SIMD_WIDTH
@@ -228,7 +229,7 @@ def _chosen_threads(text: str) -> int:
 
 def _threads(work: int, waits: int) -> int:
     """Find how many threads share the work: what `CIRCUITKIT_THREADS` says, else one if there is little."""
-    if chosen := _chosen_threads(os.environ.get("CIRCUITKIT_THREADS", "")):
+    if chosen := _chosen_threads(environment("CIRCUITKIT_THREADS")):
         return chosen
     if work < _WORK_FOR_THREADS or work < _WORK_FOR_A_WAIT * waits:
         return 1

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from circuitkit.base.errors import InputError
 from circuitkit.base.files import SEAL, DamagedFileError, replacing, seal, verified
 
 _LOG = logging.getLogger("circuitkit")
@@ -136,7 +137,7 @@ class Finding:
         except DamagedFileError as error:
             _LOG.warning("%s", error)
             return None
-        except (OSError, ValueError, KeyError, TypeError):
+        except (InputError, ValueError, KeyError, TypeError, RecursionError):
             return None
         if not all((folder / picture.file).is_file() for picture in finding.pictures):
             return None

@@ -17,6 +17,8 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 import circuitkit
+from circuitkit.base.errors import InputError
+from circuitkit.base.reading import read_bytes
 from circuitkit.paper.reproduce.finding import Claim, Finding, Table, Verdict
 
 TITLE = "The paper, figure by figure"
@@ -178,8 +180,8 @@ def _mark_captions(tokens: Sequence[Token]) -> None:
 
 def _inlined(path: Path) -> str:
     try:
-        content = base64.b64encode(path.read_bytes()).decode("ascii")
-    except OSError:
+        content = base64.b64encode(read_bytes(path, "a picture")).decode("ascii")
+    except InputError:
         return path.name
     return f"data:image/png;base64,{content}"
 

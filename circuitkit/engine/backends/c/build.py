@@ -21,6 +21,7 @@ from pathlib import Path
 from types import ModuleType
 
 from circuitkit.base.files import scratch
+from circuitkit.base.reading import environment
 from circuitkit.engine.backends.c.cache import cache_folder, find_library, keep_library, warn_once
 
 HERE = Path(__file__).parent
@@ -138,7 +139,7 @@ def _words(variable: str) -> list[str]:
     Raises:
         BuildError: A quotation has no end.
     """
-    text = os.environ.get(variable, "")
+    text = environment(variable)
     try:
         return shlex.split(text)
     except ValueError as error:
@@ -154,7 +155,7 @@ def _compiler() -> list[str]:
     Raises:
         BuildError: There is none.
     """
-    chosen = os.environ.get("CC", "").strip()
+    chosen = environment("CC")
     whole = str(Path(chosen).expanduser()) if chosen else ""
     words = [whole] if whole and shutil.which(whole) else _words("CC")
     for first, *others in [words] if words else [["cc"], ["gcc"], ["clang"]]:

@@ -12,13 +12,16 @@ import logging
 import os
 import shutil
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from circuitkit.base.errors import InputError
 from circuitkit.base.files import reason
+from circuitkit.base.reading import environment, open_file
 
 _MAX_KEPT = 1000
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -35,7 +38,7 @@ def cache_folder() -> Path:
     Raises:
         OSError: There is none that is this user's alone.
     """
-    chosen = os.environ.get("CIRCUITKIT_CACHE", "").strip()
+    chosen = environment("CIRCUITKIT_CACHE")
     try:
         folder = Path(chosen or _folder_of_user()).expanduser().absolute()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -52,7 +55,7 @@ def cache_folder() -> Path:
 
 
 def _folder_of_user() -> Path:
-    home = os.environ.get("XDG_CACHE_HOME", "")
+    home = environment("XDG_CACHE_HOME")
     return (Path(home) if Path(home).is_absolute() else Path("~/.cache")) / "circuitkit"
 
 
@@ -117,12 +120,12 @@ def keep_library(folder: Path, key: str, made: Path) -> Path:
 def _sum(path: Path) -> str:
     """Hash of what a file holds; empty if somebody else can change it, or it is none."""
     try:
-        with path.open("rb") as file:
+        with open_file(path, "a compiled circuit", sys.maxsize) as file:
             found = os.fstat(file.fileno())
             if found.st_uid != os.getuid() or found.st_mode & _OTHERS_WRITE or path.is_symlink():
                 return ""
             return hashlib.file_digest(file, "sha256").hexdigest()[:32]
-    except OSError:
+    except (InputError, OSError):
         return ""
 
 
