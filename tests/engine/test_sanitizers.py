@@ -8,13 +8,14 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+from cases import CASES
 
 from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit
 from circuitkit.engine.backends.c import build
 from circuitkit.engine.backends.compiled_backend import print_program
 
-CIRCUITS = int(os.environ.get("CIRCUITKIT_CASES", "300")) // 300
+CIRCUITS = max(1, CASES // 300)
 HERE = Path(__file__).parent
 
 
