@@ -58,8 +58,8 @@ $(PEERS)/.ready: requirements-peers.lock pyproject.toml
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-fuzz: $(READY)  ## spoilt files of every kind, for ten minutes or SECONDS=N; what is found in out/fuzz/report.json
-	PYTHONPATH=tests $(BIN)/python -m $(if $(GUIDED),fuzz.guided $(GUIDED),fuzz --seconds) $(or $(SECONDS),600)
+fuzz: $(READY)  ## spoilt files of every kind, for ten minutes or SECONDS=N, also those of CASES=DIR; what is found in out/fuzz/report.json
+	PYTHONPATH=tests $(BIN)/python -m $(if $(GUIDED),fuzz.guided $(GUIDED),fuzz $(if $(CASES),--cases $(CASES)) --seconds) $(or $(SECONDS),600)
 
 torture: $(READY)  ## kills at every write, full disks, closed pipes, clocks, planted files, dead workers
 	$(BIN)/python -m pytest tests/torture --torture

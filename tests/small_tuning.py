@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import pytest
+
 from circuitkit.base.source import find_data_file
+from circuitkit.study.tuning.measure import Measure
+from circuitkit.study.tuning.objective import Score
 
 # The circuit that is tuned: numbers of its own, so that tests do not depend on those of a shipped one.
 BASE = """\
@@ -53,3 +58,13 @@ def written(folder: Path, *changes: tuple[str, str], text: str = SMALL) -> Path:
     path = folder / "small.yaml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def make_runs_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have candidates measured without a run: the objective is minus the leak."""
+
+    def measured(_: object, candidates: Iterable[Mapping[str, str]]) -> list[Score]:
+        found = [float(each["leak"].removesuffix(" %")) for each in candidates]
+        return [Score(-leak, (1.0, leak), 4) for leak in found]
+
+    monkeypatch.setattr(Measure, "__call__", measured)

@@ -11,21 +11,15 @@ import time
 from pathlib import Path
 
 import pytest
-from small_tuning import written
+from small_tuning import make_runs_up, written
 
 from circuitkit.study.tuning.measure import Measure
-from circuitkit.study.tuning.objective import Score
 
 
 @pytest.fixture
 def study(tmp_path, monkeypatch):
     """A small tuning whose runs are made up: the objective is minus the leak."""
-
-    def measured(_, candidates):
-        found = [float(each["leak"].removesuffix(" %")) for each in candidates]
-        return [Score(-leak, (1.0, leak), 4) for leak in found]
-
-    monkeypatch.setattr(Measure, "__call__", measured)
+    make_runs_up(monkeypatch)
     return str(written(tmp_path))
 
 

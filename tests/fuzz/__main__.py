@@ -20,6 +20,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from apart import without_streams
 from fuzz.findings import LONGEST_S, Finding, Trial, judged, judged_apart, limit_memory, smallest
 from fuzz.mutation import Mutator
 from fuzz.seeds import Seed, all_seeds
@@ -33,8 +34,8 @@ _STUCK_S = 5 * LONGEST_S
 class Maker:
     """Makes the trial of a number."""
 
-    def __init__(self, seed: int, targets: Sequence[str]) -> None:
-        seeds = all_seeds()
+    def __init__(self, seed: int, targets: Sequence[str], cases: str | None = None) -> None:
+        seeds = all_seeds(cases)
         self.seed = seed
         self.targets = list(targets)
         self.shares = [TARGETS[name].share for name in targets]
@@ -82,9 +83,7 @@ class Tally:
 def _work(maker: Maker, first: int, step: int, place: Path, current: Any, pipe: Any) -> None:
     """Try every `step`-th number from `first`; tell what is found, and now and then how many were tried."""
     os.nice(19)
-    null = os.open(os.devnull, os.O_RDWR)
-    os.dup2(null, 1)
-    os.dup2(null, 2)
+    without_streams()
     limit_memory()
     tried: Counter[str] = Counter()
     told = time.monotonic()
@@ -138,7 +137,7 @@ class Process:
 def campaign(options: argparse.Namespace) -> dict[str, Any]:
     """Try files until the time is over; returns the report."""
     names = [name for name in TARGETS if not options.only or name in options.only]
-    maker = Maker(options.seed, names)
+    maker = Maker(options.seed, names, options.cases)
     tally, started = Tally(), time.monotonic()
     end, told = started + options.seconds, started
     out = Path(options.output)
@@ -228,6 +227,7 @@ def main() -> int:
     parser.add_argument(
         "--only", action="append", metavar="TARGET", choices=list(TARGETS), help="such as circuit"
     )
+    parser.add_argument("--cases", metavar="DIR", help="spoil the YAML files of this folder, too")
     parser.add_argument("--output", default="out/fuzz")
     report = campaign(parser.parse_args())
     print(f"{report['files']} files, {len(report['findings'])} findings; {parser.prog}: see the report")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import pickle
 import re
 import resource
-import select
 import signal
 import tempfile
 import time
@@ -16,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
+from apart import apart, without_streams
 from fuzz.targets import TARGETS, tried
 
 from circuitkit.base.errors import CircuitkitError
@@ -121,33 +119,21 @@ def _plain(text: str) -> str:
 
 def judged_apart(trial: Trial) -> Finding | None:
     """Try files in a process of their own, which may crash."""
-    read, write = os.pipe()
-    child = os.fork()
-    if not child:
-        try:
-            os.close(read)
-            limit_memory()
-            null = os.open(os.devnull, os.O_RDWR)
-            os.dup2(null, 1)
-            os.dup2(null, 2)
-            with tempfile.TemporaryDirectory() as folder:
-                data = pickle.dumps(judged(trial, Path(folder)))
-            os.write(write, data[:60_000])
-        finally:
-            os._exit(0)
-    os.close(write)
-    ready, _, _ = select.select([read], [], [], _STUCK_S)
-    if not ready:
-        os.kill(child, signal.SIGKILL)
-    data = os.read(read, 65_536) if ready else b""
-    os.close(read)
-    _, status = os.waitpid(child, 0)
-    if data:
-        found: Finding | None = pickle.loads(data)
-        return found
-    if not ready:
+
+    def work() -> Finding | None:
+        limit_memory()
+        without_streams()
+        with tempfile.TemporaryDirectory() as folder:
+            return judged(trial, Path(folder))
+
+    ended = apart(work, _STUCK_S)
+    if ended.was_stuck:
         return Finding(f"stuck: {trial.target}", "does not end")
-    return Finding(f"crash of {trial.target}: signal {os.WTERMSIG(status)}", "the interpreter crashed")
+    if ended.signal or isinstance(ended.value, Exception):
+        what = f"signal {ended.signal}" if ended.signal else "no answer"
+        return Finding(f"crash of {trial.target}: {what}", "the interpreter crashed")
+    found: Finding | None = ended.value
+    return found
 
 
 def smallest(trial: Trial, finding: Finding, seconds: float = 20.0) -> Trial:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -65,8 +64,8 @@ class Seed:
         return self.spoilt.endswith(".yaml")
 
 
-def all_seeds() -> dict[str, list[Seed]]:
-    """The seeds by kind of file."""
+def all_seeds(cases: str | None = None) -> dict[str, list[Seed]]:
+    """The seeds by kind of file, with those of a folder of files that failed once."""
     found: dict[str, list[Seed]] = {
         "circuit": [_alone(path) for path in _circuits()],
         "include": [_included(path) for path in _circuits() if path.parent.name == "circuits"],
@@ -88,7 +87,7 @@ def all_seeds() -> dict[str, list[Seed]]:
     found["mjcf"].append(Seed("small_robots", cart, "cart.xml"))
     tuning = {"spoilt.yaml": small_tuning.SMALL.encode(), "base.yaml": small_tuning.BASE.encode()}
     found["tuning"].append(Seed("small_tuning", tuning, "spoilt.yaml"))
-    for path in _cases():
+    for path in sorted(Path(cases).glob("*.yaml")) if cases else ():
         text = path.read_text("utf-8", "replace")
         kind = next(
             (kind for kind in ("circuit", "study", "scenario") if text.startswith(f"{kind}:")), "circuit"
@@ -100,12 +99,6 @@ def all_seeds() -> dict[str, list[Seed]]:
 def _circuits() -> list[Path]:
     places = ("circuits/*.yaml", "docs/models/examples/*/*.yaml", "tests/mistakes/bases/*/circuit.yaml")
     return [path for place in places for path in sorted(TOP.glob(place))]
-
-
-def _cases() -> list[Path]:
-    """Files that failed once, where they are."""
-    folder = os.environ.get("CIRCUITKIT_CASES", str(TOP.parent / "shared" / "cases"))
-    return sorted(Path(folder).glob("*.yaml"))
 
 
 def _tunes(path: Path) -> bool:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import functools
 import gc
 import os
-import select
-import signal
 import sys
 import time
 from collections import defaultdict
@@ -16,11 +14,11 @@ from types import FrameType, FunctionType
 
 import pytest
 from _pytest.runner import runtestprotocol
+from apart import apart, without_streams
 from mutate.mutants import Mutant
 
 _TESTS_S = 20.0  # for the tests of one mutant
 _STUCK_S = 60.0
-_KILLED, _SURVIVED = b"k", b"s"
 
 
 class Session:
@@ -74,25 +72,12 @@ def describe(mutant: Mutant) -> str:
 
 def _tried(mutant: Mutant, items: Sequence[pytest.Item]) -> str:
     """Whether a test fails with a mutant; a process that crashes or does not end has noticed it, too."""
-    read, write = os.pipe()
-    child = os.fork()
-    if not child:
-        try:
-            os.close(read)
-            null = os.open(os.devnull, os.O_RDWR)
-            for number in (0, 1, 2):
-                os.dup2(null, number)
-            os.write(write, _KILLED if _is_noticed(mutant, items) else _SURVIVED)
-        finally:
-            os._exit(0)
-    os.close(write)
-    ready, _, _ = select.select([read], [], [], _STUCK_S)
-    if not ready:
-        os.kill(child, signal.SIGKILL)
-    answer = os.read(read, 1) if ready else b""
-    os.close(read)
-    os.waitpid(child, 0)
-    return "survived" if answer == _SURVIVED else "killed"
+
+    def work() -> bool:
+        without_streams()
+        return _is_noticed(mutant, items)
+
+    return "survived" if apart(work, _STUCK_S).value is False else "killed"
 
 
 def _is_noticed(mutant: Mutant, items: Sequence[pytest.Item]) -> bool:

@@ -6,7 +6,7 @@ import itertools
 import time
 
 import pytest
-from torture.apart import apart
+from apart import apart
 
 from circuitkit.study import make_study, sweep
 

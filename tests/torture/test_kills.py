@@ -7,7 +7,8 @@ import io
 import signal
 
 import pytest
-from torture.apart import apart, killed_at, with_files_up_to
+from apart import apart
+from torture.faults import killed_at, with_files_up_to
 
 from circuitkit.cli.main import main
 from circuitkit.simulation import load_scenario, simulate

@@ -14,14 +14,13 @@ import time
 from pathlib import Path
 
 import pytest
-from small_tuning import written
+from small_tuning import make_runs_up, written
 
 from circuitkit.base.errors import CircuitkitError, InputError
 from circuitkit.study.tuning import lock as lock_module
 from circuitkit.study.tuning import run
 from circuitkit.study.tuning.lock import StudyLock
 from circuitkit.study.tuning.measure import Measure
-from circuitkit.study.tuning.objective import Score
 from circuitkit.study.tuning.run import tune
 from circuitkit.study.tuning.storage import Storage, StorageError
 
@@ -31,12 +30,7 @@ TESTS = Path(__file__).parents[2]
 @pytest.fixture
 def study(tmp_path, monkeypatch):
     """A small tuning whose runs are made up, without pictures."""
-
-    def measured(_, candidates):
-        found = [float(each["leak"].removesuffix(" %")) for each in candidates]
-        return [Score(-leak, (1.0, leak), 4) for leak in found]
-
-    monkeypatch.setattr(Measure, "__call__", measured)
+    make_runs_up(monkeypatch)
     monkeypatch.setattr(run, "draw_history", lambda *_: None)
     return written(tmp_path)
 

@@ -1,55 +1,18 @@
-"""What is done in a process of its own, which may be killed or short of space meanwhile."""
+"""What is killed or short of space while it is done in a process of its own."""
 
 from __future__ import annotations
 
 import os
-import pickle
 import resource
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from apart import Ended, apart
+
 _WRITES = {"open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.truncate"}
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a process ended.
-
-    Attributes:
-        signal: Of what it died; 0 if it ended by itself.
-        value: What its function returned, or the exception that it raised.
-    """
-
-    signal: int
-    value: Any = None
-
-
-def apart(work: Callable[[], Any]) -> Ended:
-    """Call a function in a forked process."""
-    read, write = os.pipe()
-    child = os.fork()
-    if not child:
-        try:
-            os.close(read)
-            try:
-                value = work()
-            except Exception as error:
-                value = error
-            with os.fdopen(write, "wb") as pipe:
-                pickle.dump(value, pipe)
-        finally:
-            os._exit(0)
-    os.close(write)
-    with os.fdopen(read, "rb") as pipe:
-        data = pipe.read()
-    _, status = os.waitpid(child, 0)
-    if os.WIFSIGNALED(status):
-        return Ended(os.WTERMSIG(status))
-    return Ended(0, pickle.loads(data))
 
 
 def killed_at(number: int, folder: Path, work: Callable[[], Any]) -> Ended:
