@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from circuitkit.base.files import write_text
+from circuitkit.base.files import OutputError, write_text
 from circuitkit.base.output_folder import MANIFEST, one_run
 
 
@@ -96,6 +96,10 @@ def test_pipes_in_the_folder_are_not_waited_at(tmp_path, caplog):
     for name in (MANIFEST, "b"):
         (tmp_path / name).unlink()
         os.mkfifo(tmp_path / name)
+    with pytest.raises(
+        OutputError, match=r"files\.json': it is no regular file; take it away, or name another"
+    ):
+        run(tmp_path, "a")
     (tmp_path / MANIFEST).unlink()
     (tmp_path / MANIFEST).write_text('{"format": 1, "files": {"b": ""}}', encoding="utf-8")
     run(tmp_path, "a")

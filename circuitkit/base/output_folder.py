@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from circuitkit.base.errors import InputError, listing
-from circuitkit.base.files import noting_what_is_written, write_text
+from circuitkit.base.files import OutputError, noting_what_is_written, write_text
 from circuitkit.base.reading import checksum_of, read_bytes
 
 MANIFEST = "files.json"
@@ -31,11 +32,20 @@ def one_run(
         resumed: Whether the run goes on that wrote what is there.
         own: Names in the folder of which the run itself knows whether they are of it; they are not listed.
         deep: Whether what is written to folders in it belongs to the run.
+
+    Raises:
+        OutputError: The list of its files cannot be one.
     """
     if folder is None:
         yield
         return
     place = folder.resolve()
+    manifest = str(place / MANIFEST)
+    if os.path.exists(manifest) and not os.path.isfile(manifest):  # noqa: PTH110, PTH113 - any name will do
+        message = (
+            f"cannot write '{folder / MANIFEST}': it is no regular file; take it away, or name another folder"
+        )
+        raise OutputError(message)
     old = _listed(place)
     written: set[str] = set(old) if resumed else set()
     began = False
