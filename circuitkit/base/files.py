@@ -132,7 +132,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        file = next((each for each in (folder, *folder.parents) if each.exists()), folder)
+        file = next((each for each in (folder, *folder.parents) if os.path.lexists(each)), folder)
         raise OSError(error.errno, f"'{file.name}' is no folder") from error
     for each in missing:
         _sync(each.parent)

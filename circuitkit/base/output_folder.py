@@ -11,7 +11,7 @@ from pathlib import Path
 
 from circuitkit.base.errors import InputError, listing
 from circuitkit.base.files import OutputError, noting_what_is_written, write_text
-from circuitkit.base.reading import checksum_of, read_bytes
+from circuitkit.base.reading import checksum_of, read_bytes, resolved
 
 MANIFEST = "files.json"
 _LOG = logging.getLogger("circuitkit")
@@ -39,7 +39,7 @@ def one_run(
     if folder is None:
         yield
         return
-    place = folder.resolve()
+    place = resolved(folder)
     manifest = str(place / MANIFEST)
     if os.path.exists(manifest) and not os.path.isfile(manifest):  # noqa: PTH110, PTH113 - any name will do
         message = (

@@ -140,6 +140,9 @@ def require_controller(given: object) -> Controller:
 def checked_step(controller: Controller, batch: int) -> Callable[[Array], Array]:
     """The controller's `step`, which refuses commands that are no array of numbers of shape (B, m).
 
+    The controller gets a copy of what it observes: it may change or keep that, and the recording stays what
+    it is.
+
     Args:
         controller: The controller.
         batch: B.
@@ -148,8 +151,10 @@ def checked_step(controller: Controller, batch: int) -> Callable[[Array], Array]
     allowed = f"an array of numbers of shape {wanted}, a row for each robot and a column for each command"
 
     def step(observation: Array) -> Array:
-        found = controller.step(observation)
-        if not isinstance(found, np.ndarray) or found.shape != wanted or found.dtype.kind not in "fiu":
+        found = controller.step(observation.copy())
+        # What a mask hides would be sent.
+        is_array = isinstance(found, np.ndarray) and not isinstance(found, np.ma.MaskedArray)
+        if not is_array or found.shape != wanted or found.dtype.kind not in "fiu":
             raise InputError(_problem(found, allowed, f"'{controller.name}'.step"))
         return found
 

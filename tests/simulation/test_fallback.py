@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -202,6 +204,44 @@ def test_a_reference_beyond_a_range_is_told_at_planning(cart, caplog):
         "is cut to the range"
     ]
     assert recording.interventions()["clamped"] == {"motor": (0.0, 0.05)}
+
+
+class Careless:
+    """A controller that does with its readings and its commands what it likes."""
+
+    name = "careless"
+    observations = ("angle",)
+    commands = ("force",)
+
+    def __init__(self, act):
+        self.step = act
+
+    def reset(self, batch):
+        """Nothing to forget."""
+
+
+def test_a_controller_may_change_what_it_reads_and_the_recording_stays(cart):
+    def spoil(observation):
+        observation[...] = 7.0
+        return np.ones((len(observation), 1))
+
+    whole = run(cart, Careless(lambda observation: np.ones((len(observation), 1))))
+    spoilt = run(cart, Careless(spoil))
+    np.testing.assert_array_equal(whole.observations, spoilt.observations)
+    np.testing.assert_array_equal(whole.qpos, spoilt.qpos)
+
+
+@pytest.mark.parametrize(
+    ("commands", "found"),
+    [
+        (np.ma.masked_array(np.ones((1, 1)), mask=True), "a masked array of shape (1, 1)"),
+        (np.ones((1, 1), dtype=bool), "an array of shape (1, 1) of bool"),
+        (np.ones((1, 1), dtype=complex), "an array of shape (1, 1) of complex128"),
+    ],
+)
+def test_commands_that_are_no_plain_numbers_are_refused_and_named(cart, commands, found):
+    with pytest.raises(InputError, match=re.escape(f"controller.'careless'.step: found {found}; allowed: ")):
+        run(cart, Careless(lambda _: commands))
 
 
 def test_an_object_that_is_a_controller_runs_a_shipped_scenario():

@@ -279,7 +279,7 @@ def told(**changes):
         (Returning(np.zeros(1)), f"controller.'told'.step: found an array of shape (1,); allowed: {SHAPE}"),
         (Returning(np.zeros((2, 1))), "controller.'told'.step: found an array of shape (2, 1); "
             f"allowed: {SHAPE}"),
-        (Returning(np.array([["a"]])), "controller.'told'.step: found an array of shape (1, 1); "
+        (Returning(np.array([["a"]])), "controller.'told'.step: found an array of shape (1, 1) of str32; "
             f"allowed: {SHAPE}"),
     ],
 )  # fmt: skip

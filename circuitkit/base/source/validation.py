@@ -123,6 +123,7 @@ def _findings(
     by_place: dict[Place, list[Any]] = {}
     for detail in details:
         by_place.setdefault(_place(detail, data), []).append(detail)
+    around = {place[:depth] for place in by_place for depth in range(len(place))}
     for place, group in by_place.items():
         if group[0]["type"] == "missing" and isinstance(place[-1], int):
             next_one = (*place[:-1], place[-1] + 1)
@@ -132,8 +133,7 @@ def _findings(
         if group[0]["type"] == "missing":
             findings.extend(_misspelt(document, model, data, at, place))
         # One branch of a union may refuse the type where another takes it and complains about the inside.
-        deeper = any(other != place and other[: len(place)] == place for other in by_place)
-        if not (deeper and _is_wrong_type(group)):
+        if not (place in around and _is_wrong_type(group)):
             findings.append(
                 _finding(document, model, at, place, [_as_written(d, data, place) for d in group])
             )
@@ -286,7 +286,9 @@ def _describe_object(value: object) -> str:
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if isinstance(shape := getattr(value, "shape", None), tuple):
-        return f"an array of shape {shape}"
+        article = "a masked" if hasattr(value, "mask") else "an"
+        dtype = getattr(getattr(value, "dtype", None), "name", "float64")
+        return f"{article} array of shape {shape}{'' if dtype == 'float64' else f' of {dtype}'}"
     return f"an object of the class {type(value).__name__}"
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
 from circuitkit.base.files import make_folder
 from circuitkit.base.output_folder import one_run
+from circuitkit.base.reading import resolved
 from circuitkit.base.source import Data, Place, find_data_file, read_yaml
 from circuitkit.base.units import format_quantity
 from circuitkit.circuit import load_circuit
@@ -119,7 +120,7 @@ def tune(
     tuning = study if isinstance(study, Tuning) else load_tuning(study)
     folder = Path(folder)
     path = Path(result) if result is not None else folder / f"{tuning.spec.result}.yaml"
-    if path.resolve() == _file_of(tuning).resolve():
+    if resolved(path) == resolved(_file_of(tuning)):
         message = f"found '{path}', the file that is tuned; allowed: another file"
         raise InputError(Problem("", 0, 0, "--result", message))
     parts = {part: tuning.runs(part) for part in tuning.parts()}
@@ -207,7 +208,7 @@ def _database(folder: Path) -> str:
     """The URL of the database in a folder; any name of a folder can be in it."""
     from sqlalchemy import URL  # comes with Optuna
 
-    url = URL.create("sqlite", database=str(folder.resolve() / _DATABASE))
+    url = URL.create("sqlite", database=str(resolved(folder) / _DATABASE))
     return url.render_as_string(hide_password=False)
 
 
