@@ -43,6 +43,20 @@ def test_a_file_that_somebody_changed_is_theirs(tmp_path, caplog):
     assert caplog.messages == [f"'{tmp_path}' also holds what this run did not write: b"]
 
 
+def test_two_runs_at_once_do_not_share_a_folder(tmp_path):
+    folder = tmp_path / "out"
+    with one_run(folder):
+        write_text(folder / "a", "first")
+        with pytest.raises(OutputError, match="another run writes there"), one_run(folder):
+            write_text(folder / "a", "second")
+    assert (folder / "a").read_text(encoding="utf-8") == "first"
+    with one_run(folder):
+        write_text(folder / "a", "third")
+    with one_run(tmp_path / "nothing"):
+        pass
+    assert not (tmp_path / "nothing").exists()
+
+
 def test_a_run_that_writes_nothing_takes_nothing_away(tmp_path):
     run(tmp_path, "a", "b")
     run(tmp_path)

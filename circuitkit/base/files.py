@@ -127,6 +127,38 @@ def make_folder(folder: Path) -> None:
         raise OutputError(message) from error
 
 
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Have a folder for this block alone, among blocks like it in all processes of this machine.
+
+    The folder is made if it is missing, and goes again if it is empty then. Where the file system or the
+    system have no locks, nothing is asked.
+
+    Raises:
+        OutputError: Another block has it, or it cannot be made.
+    """
+    missing = not folder.exists()
+    make_folder(folder)
+    lock = None
+    try:
+        try:
+            if sys.platform != "win32":
+                lock = os.open(folder, os.O_RDONLY)
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            message = f"cannot write to '{folder}': another run writes there; name another folder, or wait"
+            raise OutputError(message) from error
+        except OSError:  # a folder that may not be read, or no locks on this file system
+            pass
+        yield
+    finally:
+        if missing:
+            with suppress(OSError):
+                folder.rmdir()
+        if lock is not None:
+            os.close(lock)
+
+
 def _make_folder(folder: Path) -> None:
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     try:

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from circuitkit.base.errors import InputError, listing
-from circuitkit.base.files import OutputError, noting_what_is_written, write_text
+from circuitkit.base.files import OutputError, alone_in, noting_what_is_written, write_text
 from circuitkit.base.reading import checksum_of, read_bytes, resolved
 
 MANIFEST = "files.json"
@@ -25,7 +25,7 @@ def one_run(
 
     The files of each run are in `files.json`, with their checksums. With the first file that is written now,
     those of the run before are removed, unless somebody has changed them. What else lies there stays, and a
-    warning names it.
+    warning names it. Two runs at once would leave files of both, so the second one is refused.
 
     Args:
         folder: The folder; None if nothing is written.
@@ -34,11 +34,16 @@ def one_run(
         deep: Whether what is written to folders in it belongs to the run.
 
     Raises:
-        OutputError: The list of its files cannot be one.
+        OutputError: Another run has the folder, it cannot be made, or the list of its files cannot be one.
     """
     if folder is None:
         yield
         return
+    with alone_in(folder):
+        yield from _one_run(folder, resumed=resumed, own=own, deep=deep)
+
+
+def _one_run(folder: Path, *, resumed: bool, own: Collection[str], deep: bool) -> Iterator[None]:
     place = resolved(folder)
     manifest = str(place / MANIFEST)
     if os.path.exists(manifest) and not os.path.isfile(manifest):  # noqa: PTH110, PTH113 - any name will do

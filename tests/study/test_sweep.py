@@ -10,6 +10,7 @@ import re
 import shutil
 import signal
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import numpy as np
 import pyarrow.parquet
@@ -291,7 +292,8 @@ def test_a_worker_that_is_stopped_is_ended_when_its_time_is_over(swept, caplog, 
 def test_a_batch_that_three_workers_did_not_survive_is_told():
     def kill_all(*_):
         for child in multiprocessing.active_children():
-            os.kill(child.pid, signal.SIGKILL)
+            with suppress(ProcessLookupError):  # it has just ended by itself
+                os.kill(child.pid, signal.SIGKILL)
 
     message = (
         r"a batch was lost 3 times: 1 run of the scenario 'nao_push' with seed \d; the last time, worker "
