@@ -15,6 +15,7 @@ from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit, parse_unit
 from circuitkit.biped.anatomy import BipedSpec, ground_below, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
+from circuitkit.biped.gait.lipm import GRAVITY_M_S2
 from circuitkit.biped.sensing import Array, BipedView, SensorLayout, channels
 from circuitkit.robots import Command, Robot, RobotModel
 from circuitkit.robots.model import Brought
@@ -30,6 +31,7 @@ _UPRIGHT = (
     "biped upright"  # site of the torso whose axes are the world's when it is upright and faces along x
 )
 _ENOUGH = 1.5  # an ankle of less than so many times m g h hardly carries a walk
+_LIKE_EARTH = 0.05  # part by which gravity may be another than that of plans and controllers without a word
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts of the foot
 
 # What a controller may add to the legs, by role: factors of the command's angle.
@@ -95,6 +97,7 @@ class _Prepared:
 
     def finish(self, robot: RobotModel) -> Brought:
         """What a biped brings: channels, commands, and itself."""
+        _check_gravity(robot)
         model, (block, upright) = robot.model, measured(self.block, robot)
         first = int(model.sensor(self.sensors[0]).adr[0])
         _turn_imu(model, upright)
@@ -377,6 +380,25 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, uprigh
         feet_id=(int(model.body(block.feet.left.body).id), int(model.body(block.feet.right.body).id)),
         mass_kg=float(model.body_subtreemass[torso]),
     )
+
+
+def _check_gravity(robot: RobotModel) -> None:
+    """Refuse gravity that does not press a biped on the ground; warn of another size than that on earth.
+
+    Plans and controllers are those of the inverted pendulum under `GRAVITY_M_S2`.
+
+    Raises:
+        InputError: Gravity does not point down, so that there is no ZMP.
+    """
+    x, y, z = gravity = robot.model.opt.gravity
+    size = float(np.linalg.norm(gravity))
+    found = f"the MJCF's gravity is {x:g} {y:g} {z:g} m/s^2"
+    if z >= 0:
+        message = f"{found}; allowed: gravity along -z, which presses the feet on the ground"
+        raise InputError(robot.robot.problem((BipedBlock.kind,), message))
+    if abs(size / GRAVITY_M_S2 - 1) > _LIKE_EARTH:
+        planned = f"gaits and the controllers of bipeds are worked out for {GRAVITY_M_S2:g} m/s^2"
+        robot.robot.warn((BipedBlock.kind,), f"{found}; {planned}")
 
 
 def _warn_of_soft_ankles(robot: RobotModel, body: BipedBody) -> None:

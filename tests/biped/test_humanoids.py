@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from biped.humanoid import Humanoid, turned, write_gait
 
+from circuitkit.base.errors import InputError
 from circuitkit.biped.robot import biped_of
 from circuitkit.robots import build_model, load_robot
 from circuitkit.simulation import load_scenario, simulate
@@ -153,6 +154,26 @@ def test_ankles_softer_than_the_body_falls_are_warned_of(tmp_path, caplog):
     assert f"robot.yaml:13:23: {found}, and the body falls over this ankle with m g h = " in text
     assert "walking takes 5 to 10 times that" in text
     assert text.count("m g h") == 1
+
+
+def under(x, y, z):
+    """A humanoid in a world of this gravity."""
+    return Humanoid(option=f'timestep="0.002" integrator="implicitfast" gravity="{x} {y} {z}"')
+
+
+@pytest.mark.parametrize("gravity", [(0, 0, 0), (0, 0, 9.81), (9.81, 0, 0)])
+def test_gravity_that_does_not_press_on_the_ground_is_refused(tmp_path, gravity):
+    with pytest.raises(InputError) as caught:
+        build_model(load_robot(under(*gravity).write(tmp_path)))
+    found = "biped: the MJCF's gravity is {:g} {:g} {:g} m/s^2; allowed: gravity along -z".format(*gravity)
+    assert found in str(caught.value)
+
+
+def test_another_gravity_than_that_of_plans_is_warned_of(tmp_path, caplog):
+    """On the moon; at the poles and the equator it is 9.83 and 9.78 m/s^2."""
+    assert said(tmp_path, caplog, under(0, 0, -9.78)) == ""
+    text = said(tmp_path, caplog, under(0, 0, -1.62))
+    assert "gravity is 0 0 -1.62 m/s^2; gaits and the controllers of bipeds are worked out for 9.81" in text
 
 
 def test_a_sole_that_is_drawn_tilted_is_warned_of_and_level_with_the_offset_that_is_said(tmp_path, caplog):
