@@ -329,3 +329,11 @@ def test_any_text_is_read_or_complained_about(text):
     assert document is not None or problems
     lines = text.count("\n") + 1
     assert all(1 <= problem.line <= lines + 1 and problem.column >= 1 for problem in problems)
+
+
+def test_long_names_that_begin_alike_are_no_duplicates():
+    text = "".join(f"{'n' * 300}{i}: 1\n" for i in range(3))
+    with pytest.raises(InputError) as caught:
+        parse_yaml(text)
+    said = [problem.message for problem in caught.value.problems]
+    assert said == ["found a name of 301 characters; allowed: up to 200"] * 3

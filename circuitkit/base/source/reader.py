@@ -303,8 +303,9 @@ class _Builder:
             inner = (*place, name)
             if name in data:
                 first = self.marks[inner]
-                again = f"duplicate key '{name}', first on line {first.key_line}; allowed: each key once"
-                self.complain(key, inner, again)
+                if not complaint:  # what is left of refused names may be alike
+                    again = f"duplicate key '{name}', first on line {first.key_line}; allowed: each key once"
+                    self.complain(key, inner, again)
                 build(next_event(), inner, key)
                 self.marks[inner] = first
             elif name == "<<" and key.implicit[0]:
