@@ -48,7 +48,7 @@ class Limit:
             typer.BadParameter: It is neither.
         """
         match = _LIMIT.fullmatch(text.strip())
-        if match is None:
+        if match is None or (match[2] and float(match[2]) > 100):  # noqa: PLR2004 - per cent
             message = f"found '{text}'; allowed: a number of ticks such as 3, or a share such as 1%"
             raise typer.BadParameter(message, param_hint="'--max-missed'")
         if match[1]:

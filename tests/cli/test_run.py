@@ -269,6 +269,7 @@ def test_a_real_time_run_reports_how_late_it_was(circuitkit):
         (("--priority", "3", "--steps", "3"), "--priority goes with --realtime SECONDS"),
         (("--realtime", "1", "--max-missed", "some"), "found 'some'; allowed: a number of ticks such as 3"),
         (("--realtime", "1", "--max-missed", "-1"), "found '-1'; allowed: a number of ticks such as 3"),
+        (("--realtime", "1", "--max-missed", "101%"), "found '101%'; allowed: a number of ticks such as 3"),
     ],
 )
 def test_what_a_real_time_run_cannot_do(circuitkit, more, message):
