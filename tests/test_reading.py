@@ -204,6 +204,8 @@ def test_no_message_writes_over_a_terminal_or_tells_a_password():
     assert str(Problem("a\x1b[2J", 1, 1, "", "b\x9bc")) == "a\\x1b[2J:1:1: b\\x9bc"
     for url in (
         "postgresql://me:secret@host/db",
+        "postgresql:/me:secret@host/db",
+        "me:secret@host",
         "tcp://secret@host:1",
         "mysql://h/d?user=u&password=secret",
         "mysql://h/d?passwd=secret",

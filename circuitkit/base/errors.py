@@ -6,11 +6,14 @@ Every message says where, what was found, what is allowed, and where it can, wha
 from __future__ import annotations
 
 import difflib
+import logging
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar
 
+_LOG = logging.getLogger("circuitkit")
 _SHOWN_NAMES = 20
 _SHORT_NAME = 2
 _LONGEST_SUGGESTED = 100
@@ -20,7 +23,9 @@ _WORDS = re.compile("[a-z0-9]+")
 
 _LONG_WORD = re.compile(r"([^\s;,']{100})[^\s;,']{100,}")  # of a message
 # User and password of a URL, as SQLAlchemy reads them: a user has no slash, a password may have anything.
-_SECRET = re.compile(r"(?<=://)[^:/\s@]*(?::\S*)?(?=@)|(?<=password=)[^&\s'\"]+|(?<=passwd=)[^&\s'\"]+")
+_SECRET = re.compile(
+    r"(?<=://)[^:/\s@]*(?::\S*)?(?=@)|(?<=\w:)(?!//)[^\s'\"]*(?=@)|(?<=password=|..passwd=)[^&\s'\"]+"
+)
 
 
 def without_secrets(text: str) -> str:
@@ -35,6 +40,12 @@ def printable(text: str) -> str:
         return text
     shown = (c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
     return "".join(shown)
+
+
+@cache
+def warn_once(text: str) -> None:
+    """Say once in the life of a process what is allowed, and doubtful."""
+    _LOG.warning("%s", text)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
-from circuitkit.base.errors import InputError, Problem, UnknownNameError
+from circuitkit.base.errors import InputError, Problem, UnknownNameError, warn_once
 from circuitkit.base.source import Document, find_data_file, scan_text, scan_yaml
 from circuitkit.circuit.graph import CircuitGraph, Projection, Synapse
 from circuitkit.circuit.memory import Budget
@@ -107,9 +107,11 @@ class _Sound:
 
 
 def _sound(read: _Read) -> _Sound:
-    found, errors, _ = _examine(read)
+    found, errors, warnings = _examine(read)
     if found is None:
         raise InputError(*errors)
+    for warning in warnings:
+        warn_once(f"{warning} (warning)")
     return found
 
 

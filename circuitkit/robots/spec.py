@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -19,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from circuitkit.base.errors import Problem, UnitError, UnknownNameError
+from circuitkit.base.errors import Problem, UnitError, UnknownNameError, warn_once
 from circuitkit.base.reading import is_file
 from circuitkit.base.registry import Registry
 from circuitkit.base.source import (
@@ -42,7 +41,6 @@ TIME, ENDED = "t", "ended"
 # Names that mean something else where channels and commands are named, as in measures.
 RESERVED: Mapping[str, str] = {TIME: "the time", ENDED: "whether until ended the run"}
 _SECOND = parse_unit("s").dimension
-_LOG = logging.getLogger(__name__)
 
 
 def _unit(text: str) -> str:
@@ -296,12 +294,6 @@ class Robot(FileModel):
         """The blocks of plug-ins that the file has, by kind."""
         there = {kind: getattr(self, kind, None) for kind in blocks.kinds}
         return {kind: block for kind, block in there.items() if block is not None}
-
-
-@cache
-def warn_once(text: str) -> None:
-    """Say something once in the life of a process."""
-    _LOG.warning(text)
 
 
 @cache

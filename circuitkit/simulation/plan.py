@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError
+from circuitkit.base.errors import ExpressionError, InputError, Problem, UnknownNameError, warn_once
 from circuitkit.base.reading import is_file
 from circuitkit.base.units import Unit
 from circuitkit.circuit import CircuitGraph, load_circuit
@@ -25,7 +25,6 @@ from circuitkit.control import (
     shipped_controllers,
 )
 from circuitkit.robots import Robot, RobotModel, build_model, load_robot
-from circuitkit.robots.spec import warn_once
 from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation.disturbance import Disturbance, RunSpec, draw_effects
 from circuitkit.simulation.fallback import Fallback

@@ -1,8 +1,10 @@
 """Synapses that jump at each spike, fed by what does not spike: the result would depend on the substeps."""
 
+import logging
+
 import pytest
 
-from circuitkit.circuit.load import check
+from circuitkit.circuit.load import check, load_circuit
 
 HEAD = """circuit: c
 control_step: 1 ms
@@ -45,3 +47,11 @@ def test_a_projection_is_looked_at_as_well(tmp_path):
 def test_spikes_and_models_without_jumps_are_left_alone(model, tmp_path):
     assert not warnings_of(tmp_path, "s", model)
     assert not warnings_of(tmp_path, "u", "first_order")
+
+
+def test_who_runs_it_is_told_as_well(tmp_path, caplog):
+    (found,) = warnings_of(tmp_path, "r", "exponential")
+    with caplog.at_level(logging.WARNING, "circuitkit"):
+        load_circuit(tmp_path / "c.yaml")
+        load_circuit(tmp_path / "c.yaml")
+    assert caplog.messages.count(f"{found} (warning)") == 1

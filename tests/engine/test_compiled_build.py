@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from circuitkit.base.errors import warn_once
 from circuitkit.circuit import load_circuit
 from circuitkit.engine import compile_circuit, run
 from circuitkit.engine.backends import compiled_backend, new_kernel
 from circuitkit.engine.backends.c import build
 from circuitkit.engine.backends.c.build import BuildError, load_program, unavailable
-from circuitkit.engine.backends.c.cache import cache_folder, warn_once
+from circuitkit.engine.backends.c.cache import cache_folder
 from circuitkit.engine.backends.compiled_backend import CompiledKernel
 from circuitkit.engine.backends.numpy_backend import NumpyKernel
 

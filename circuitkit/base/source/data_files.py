@@ -8,7 +8,6 @@ is the first one's, a warning says so, and the other file is found by its path.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import EntryPoint
@@ -16,12 +15,11 @@ from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
 
-from circuitkit.base.errors import InputError, Problem, Unopened, listing, suggest
+from circuitkit.base.errors import InputError, Problem, Unopened, listing, suggest, warn_once
 from circuitkit.base.reading import is_file
 from circuitkit.base.registry import plugged_in
 from circuitkit.base.source.validation import describe
 
-_LOG = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).parents[2]
 _TOPS = ("circuits", "models", "robots", "sims")
 _SUFFIX = ".yaml"
@@ -101,13 +99,8 @@ def shipped_file(folder: str, inner: str) -> Path | None:
     """
     found = [place / inner for place in data_folders(folder) if is_file(place / inner)]
     for other in found[1:]:
-        _warn_once(f"'{inner}' stands for '{found[0]}'; '{other}' has the same name: use its path")
+        warn_once(f"'{inner}' stands for '{found[0]}'; '{other}' has the same name: use its path")
     return found[0] if found else None
-
-
-@cache
-def _warn_once(text: str) -> None:
-    _LOG.warning(text)
 
 
 def path_of(name_or_path: object, what: str) -> Path:

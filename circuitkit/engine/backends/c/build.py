@@ -20,9 +20,10 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from circuitkit.base.errors import warn_once
 from circuitkit.base.files import scratch
 from circuitkit.base.reading import environment
-from circuitkit.engine.backends.c.cache import cache_folder, find_library, keep_library, warn_once
+from circuitkit.engine.backends.c.cache import cache_folder, find_library, keep_library
 
 HERE = Path(__file__).parent
 HEADERS = tuple(sorted(HERE.glob("*.h")))

@@ -16,10 +16,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
-from circuitkit.base.errors import InputError
+from circuitkit.base.errors import InputError, warn_once
 from circuitkit.base.files import reason
 from circuitkit.base.reading import environment, open_file
 
@@ -145,9 +144,3 @@ def _with_age(folder: Path, pattern: str) -> Iterator[tuple[float, Path]]:
             yield time.time() - path.stat().st_mtime, path
         except OSError:  # another process was quicker
             continue
-
-
-@cache
-def warn_once(text: str) -> None:
-    """Say something once."""
-    _LOG.warning("%s", text)
