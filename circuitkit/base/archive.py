@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from zipfile import ZipFile, ZipInfo
 
 import numpy as np
@@ -17,6 +18,10 @@ from circuitkit.base.errors import CircuitkitError, listing
 from circuitkit.base.reading import open_file
 
 _SUFFIX = ".npy"
+_LAST_RECORD, _TOTAL = (
+    22,
+    10,
+)  # of a ZIP file: its length without the comment, and where the number of members is
 _MOST_MEMBERS = 32
 _LONGEST_HEADER = 4096
 _LONGEST_ITEM = 64  # [bytes]
@@ -108,7 +113,7 @@ def open_archive(path: Path, most: int) -> Iterator[Archive]:
     with open_file(path, "an NPZ file", most) as raw:
         try:
             with ZipFile(raw) as file:
-                yield Archive(file, _members(file))
+                yield Archive(file, _members(file, _declared(raw, len(file.comment))))
         except (CircuitkitError, MemoryError):
             raise
         except Exception as error:  # zipfile, zlib, lzma, struct and numpy have their own
@@ -118,8 +123,20 @@ def open_archive(path: Path, most: int) -> Iterator[Archive]:
             raise ArchiveError(message) from error
 
 
-def _members(file: ZipFile) -> dict[str, ZipInfo]:
+def _declared(raw: IO[bytes], comment: int) -> int:
+    """How many members the last record of an archive declares; `comment` bytes follow it."""
+    at = raw.tell()
+    raw.seek(-(_LAST_RECORD + comment) + _TOTAL, io.SEEK_END)
+    total = int.from_bytes(raw.read(2), "little")
+    raw.seek(at)
+    return total
+
+
+def _members(file: ZipFile, declared: int) -> dict[str, ZipInfo]:
     infos = file.infolist()
+    if len(infos) != declared:  # a wrong length in the list of members makes some of them a part of another
+        message = f"found {len(infos)} of {declared} members; allowed: a whole archive"
+        raise ArchiveError(message)
     if len(infos) > _MOST_MEMBERS:
         message = f"found {len(infos)} members; allowed: {_MOST_MEMBERS}"
         raise ArchiveError(message)

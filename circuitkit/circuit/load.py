@@ -91,8 +91,8 @@ def check(name_or_path: str | Path) -> tuple[tuple[Problem, ...], tuple[Problem,
         path = find_data_file(name_or_path, FOLDER)
     except InputError as error:
         return error.problems, ()
-    _, errors, warnings = _examine(partial(scan_yaml, path))
-    return errors, warnings
+    _, errors, findings = _examine(partial(scan_yaml, path))
+    return errors, _in_order([*findings.warnings, *findings.unused])
 
 
 _Read: TypeAlias = Callable[[], tuple[Document | None, list[Problem]]]
@@ -107,10 +107,10 @@ class _Sound:
 
 
 def _sound(read: _Read) -> _Sound:
-    found, errors, warnings = _examine(read)
+    found, errors, findings = _examine(read)
     if found is None:
         raise InputError(*errors)
-    for warning in warnings:
+    for warning in _in_order(findings.warnings):
         warn_once(f"{warning} (warning)")
     return found
 
@@ -145,18 +145,18 @@ def _collecting_later() -> Iterator[None]:
             gc.enable()
 
 
-def _examine(read: _Read) -> tuple[_Sound | None, tuple[Problem, ...], tuple[Problem, ...]]:
-    """Read files; the circuit if it has no errors, then all errors and warnings."""
+def _examine(read: _Read) -> tuple[_Sound | None, tuple[Problem, ...], Findings]:
+    """Read files; the circuit if it has no errors, then all errors, and what is doubtful."""
+    findings = Findings()
     with _collecting_later():
         document, problems = read()
         if document is None:
-            return None, tuple(problems), ()
+            return None, tuple(problems), findings
         module, form = read_module(document)
-        findings = Findings()
         graph = analyse(module, findings, is_whole=not (problems or form))
     errors = _in_order([*problems, *form, *findings.errors])
     found = None if graph is None or errors else _Sound(module, graph)
-    return found, errors, _in_order(findings.warnings)
+    return found, errors, findings
 
 
 def _in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
@@ -238,11 +238,11 @@ def analyse(module: Module, findings: Findings, *, is_whole: bool = True) -> Cir
         projections=tuple(many),
     )
     if is_whole:
-        findings.warnings.extend(_warnings(graph, scope))
+        findings.unused.extend(_unused(graph, scope))
     return graph
 
 
-def _warnings(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
+def _unused(graph: CircuitGraph, scope: Scope) -> Iterator[Problem]:
     """Yield parameters, inputs, neurons and instances without any effect on an output; delays between steps.
 
     Of an instance's own declarations nothing is said: another circuit may use them.

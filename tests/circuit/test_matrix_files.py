@@ -103,11 +103,18 @@ sparse.save_npz(good, sparse.csr_matrix(W))
 
 @settings(deadline=None, max_examples=300)
 @given(st.integers(0, len(good.getvalue()) - 1), st.integers(0, 255), st.booleans())
-def test_a_damaged_archive_is_refused_or_read(position, byte, cut):
+def test_a_damaged_archive_is_refused_or_read_as_it_was(position, byte, cut):
     content = bytearray(good.getvalue())
     content[position] = byte
     Path("w.npz").write_bytes(content[:position] if cut else content)
     with suppress(MatrixFileError):
+        np.testing.assert_array_equal(table_of(Path("w.npz")), W)
+
+
+def test_an_array_of_another_name_may_be_the_weights():
+    indptr, sources = np.array([0, 2, 2, 4]), np.array([1, 3, 0, 2])
+    np.savez("w.npz", indptr=indptr, indices=sources, shape=SHAPE, weight=np.ones(4))
+    with pytest.raises(MatrixFileError, match="found the arrays weight; allowed: those of a sparse matrix"):
         table_of(Path("w.npz"))
 
 

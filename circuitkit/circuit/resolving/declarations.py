@@ -70,7 +70,8 @@ class Findings:
         overrides: Values that take the place of the files', by address, such as `lateral.q1.slope`.
         seed: Seed of distributions and random connections.
         errors: What is wrong.
-        warnings: What is doubtful.
+        warnings: What is doubtful, and may change results.
+        unused: What has no effect on an output; who runs the circuit need not be told.
         addresses: Every address of a value that was met so far; only kept if there are overrides.
         in_progress: The chain of parameters and inputs that are being worked out.
         neuron_models: The neuron models that the files declare, by name.
@@ -81,6 +82,7 @@ class Findings:
     seed: int = 0
     errors: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
+    unused: list[Problem] = field(default_factory=list)
     addresses: dict[str, None] = field(default_factory=dict)
     in_progress: list[str] = field(default_factory=list)
     neuron_models: dict[str, NeuronModel] = field(default_factory=dict)

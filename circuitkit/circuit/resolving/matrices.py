@@ -220,8 +220,9 @@ def _read_npz(path: Path, n_target: int, n_source: int) -> Matrix:
                 raise MatrixFileError(message)
             _check_shape(archive.shape(names[0]), *shape)
             return _dense(archive.array(names[0], REAL, 2, n_target * n_source), *shape)
+        form = sparse.form_of(archive)
         _check_shape(sparse.shape_of(archive), *shape)
-        if (form := sparse.form_of(archive)) == "csr":
+        if form == "csr":
             indptr, columns, weights = sparse.rows_of(archive, shape)
             return _checked(
                 indptr, columns.astype(np.int32, copy=False), None if weights is None else _real(weights)

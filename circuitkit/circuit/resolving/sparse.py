@@ -20,10 +20,20 @@ Numbers = npt.NDArray[Any]
 Shape = tuple[int, int]
 # Rows, columns and values of the entries, in any order.
 Entries = tuple[Ints, Ints, Numbers]
+_NAMES = frozenset(
+    "format shape data indices indptr row col coords offsets _is_array".split()  # the last: of sparse arrays
+)
 
 
 def form_of(archive: Archive) -> str:
-    """The format of a sparse matrix, such as "csc"; CSR if it does not say."""
+    """The format of a sparse matrix, such as "csc"; CSR if it does not say.
+
+    Raises:
+        ArchiveError: There is an array of another name, which may be values of which the name is wrong.
+    """
+    if other := sorted(set(archive.members) - _NAMES):
+        message = f"found the arrays {listing(other)}; allowed: those of a sparse matrix as scipy saves it"
+        raise ArchiveError(message)
     if "format" not in archive.members:
         return "csr"
     found = archive.array("format", TEXT, 0, 1).item()
