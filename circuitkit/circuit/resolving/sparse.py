@@ -21,8 +21,8 @@ Shape = tuple[int, int]
 # Rows, columns and values of the entries, in any order.
 Entries = tuple[Ints, Ints, Numbers]
 _NAMES = frozenset(
-    "format shape data indices indptr row col coords offsets _is_array".split()  # the last: of sparse arrays
-)
+    ["format", "shape", "data", "indices", "indptr", "row", "col", "coords", "offsets", "_is_array"]
+)  # `_is_array` says that a sparse array was saved, not a sparse matrix
 
 
 def form_of(archive: Archive) -> str:
