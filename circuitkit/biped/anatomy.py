@@ -239,24 +239,30 @@ def quarters(cells_m: Array, sole: Sole | None = None) -> Iterator[tuple[Array, 
         yield middle + np.sign(cell - middle) * half, [half, half, _CELL_HALF_HEIGHT_M]
 
 
-def ground_below(model: mujoco.MjModel, torso: int, qpos: Array) -> float:
-    """Height of what lies under a robot and is no part of it; 0 if there is nothing. To a micron, [m]."""
+def ground_below(model: mujoco.MjModel, torso: int, qpos: Array) -> float | None:
+    """Height of what lies under a robot and carries it; None if there is nothing. To a micron, [m]."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
     paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
     at, hit, normal = data.xpos[torso] + [0.0, 0.0, _ABOVE_M], np.zeros(1, dtype=np.int32), np.zeros(3)
     down = np.array([0.0, 0.0, -1.0])
+    own = model.body_rootid[model.geom_bodyid] == torso
+    touching, touched = (
+        np.bitwise_or.reduce(mask[own]) for mask in (model.geom_contype, model.geom_conaffinity)
+    )
     for _ in range(model.ngeom):
         way = mujoco.mj_ray(model, data, at, down, None, 1, -1, hit, normal)
         geom = int(hit[0])
         if geom < 0:
             break
         at = at + (way + 1e-9) * down
-        solid = model.geom_contype[geom] or model.geom_conaffinity[geom] or geom in paired
-        if solid and int(model.body_rootid[model.geom_bodyid[geom]]) != torso:
+        solid = (
+            model.geom_contype[geom] & touched or model.geom_conaffinity[geom] & touching or geom in paired
+        )
+        if solid and not own[geom]:
             return round(float(at[2]), _MICRON) + 0.0
-    return 0.0
+    return None
 
 
 class _Straight:

@@ -241,6 +241,7 @@ class BipedBody:
         torso_id: Body number of the torso.
         feet_id: Body numbers of the feet, left and right.
         mass_kg: Mass of the robot.
+        ground_m: Height of what it stands on at first, [m].
         outcomes: Words for a run that got to its end, and for one that `until` ended.
     """
 
@@ -265,6 +266,7 @@ class BipedBody:
     torso_id: int
     feet_id: tuple[int, int]
     mass_kg: float
+    ground_m: float
 
     outcomes: ClassVar[tuple[str, str]] = ("stood", "fell")
 
@@ -283,8 +285,7 @@ class BipedBody:
     def origin_m(self) -> Array:
         """Where in the world the middle between the feet is at first: on the ground, under the hips; (3,)."""
         x, y = self.start_qpos[self.base_qpos : self.base_qpos + 2]
-        ground = ground_below(self.model, self.torso_id, self.start_qpos)
-        return np.array([x + self.block.legs.hip_offset_x, y, ground])
+        return np.array([x + self.block.legs.hip_offset_x, y, self.ground_m])
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -334,7 +335,7 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, uprigh
         upright: Quaternion of the torso when it is upright.
 
     Raises:
-        InputError: A joint of the legs has no position servo.
+        InputError: A joint of the legs has no position servo, or there is no ground.
     """
     model = robot.model
     joint_type = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
@@ -354,6 +355,10 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, uprigh
         )
         raise InputError(robot.robot.problem(("biped", "joints", missing[0]), message))
     torso = int(model.body(block.torso).id)
+    ground = ground_below(model, torso, robot.start_qpos)
+    if ground is None:
+        message = f"there is no ground under '{block.torso}'; allowed: a floor that the robot can touch"
+        raise InputError(robot.robot.problem((BipedBlock.kind,), message))
     base = int(model.body_jntadr[torso])
     gear = np.array([float(model.actuator_gear[model.actuator_outadr[i], 0]) for i in servos])
     gain = np.array([float(model.actuator_gainprm[i, 0]) for i in servos])
@@ -379,6 +384,7 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, uprigh
         torso_id=torso,
         feet_id=(int(model.body(block.feet.left.body).id), int(model.body(block.feet.right.body).id)),
         mass_kg=float(model.body_subtreemass[torso]),
+        ground_m=ground,
     )
 
 

@@ -41,6 +41,7 @@ class Humanoid:
         stiffness: Of the servos, as a multiple of m g h.
         damping_s: Damping over stiffness.
         option: Attributes of the MJCF's `option`.
+        floor: What it stands on.
         more: Further lines of the robot file.
     """
 
@@ -57,6 +58,7 @@ class Humanoid:
     stiffness: float = 8.0
     damping_s: float = 0.01
     option: str = 'timestep="0.002" integrator="implicitfast"'
+    floor: str = '<geom type="plane" size="0 0 1"/>'
     more: str = ""
 
     @property
@@ -150,7 +152,7 @@ class Humanoid:
   <compiler angle="radian" autolimits="true"/>
   <option {self.option}/>
   <worldbody>
-    <geom type="plane" size="0 0 1"/>
+    {self.floor}
     <body name="trunk" pos="0 0 {height:.6g}" quat="{_text(*self.frame)}">
       <freejoint/>
       <geom {box} size="0.1 0.12 0.08" mass="{0.1 * m}"/>

@@ -169,6 +169,13 @@ def test_gravity_that_does_not_press_on_the_ground_is_refused(tmp_path, gravity)
     assert found in str(caught.value)
 
 
+@pytest.mark.parametrize("floor", ["", '<geom type="plane" size="5 5 1" contype="4" conaffinity="2"/>'])
+def test_a_biped_needs_ground_that_it_can_touch(tmp_path, floor):
+    """It would fall for ever, upright."""
+    with pytest.raises(InputError, match="biped: there is no ground under 'trunk'; allowed: a floor"):
+        build_model(load_robot(Humanoid(floor=floor).write(tmp_path)))
+
+
 def test_another_gravity_than_that_of_plans_is_warned_of(tmp_path, caplog):
     """On the moon; at the poles and the equator it is 9.83 and 9.78 m/s^2."""
     assert said(tmp_path, caplog, under(0, 0, -9.78)) == ""
