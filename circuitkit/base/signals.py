@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 BY_SIGNAL = 128  # and the signal's number: the exit code of what a signal has ended, as shells report it
 _ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 _CAME: list[int] = []
+
+T = TypeVar("T")
 
 
 def tidy_up_when_ended() -> list[signal.Signals]:
@@ -42,6 +45,24 @@ def tidied_up_when_ended() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL)
         if taken and _CAME:
             os.kill(os.getpid(), _CAME[0])
+
+
+def whole(work: Callable[[], T]) -> T:
+    """Do what neither Ctrl-C nor being told to end shall cut in two; they take effect afterwards."""
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    came: list[int] = []
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, *_ENDING)}
+    taken = [number for number, handler in before.items() if callable(handler)]
+    for number in taken:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        return work()
+    finally:
+        for number in taken:
+            signal.signal(number, before[number])
+        for number in came[:1]:
+            signal.raise_signal(number)
 
 
 def _leave(number: int, _: object) -> None:

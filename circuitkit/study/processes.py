@@ -18,7 +18,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from circuitkit.base.signals import BY_SIGNAL, tidy_up_when_ended
+from circuitkit.base.signals import BY_SIGNAL, tidy_up_when_ended, whole
 
 # One thread each for the libraries below numpy: the processes share the cores already.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
@@ -42,25 +42,6 @@ def environment(**values: str) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def whole(work: Callable[[], T]) -> T:
-    """Do something that a Ctrl-C shall not cut in two; it takes effect afterwards.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C came; the work is done.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return work()
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        result = work()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
-    return result
-
-
 @contextmanager
 def _holding_back(number: signal.Signals) -> Iterator[None]:
     """Have a signal wait in this thread, and in processes that it starts for as long as they live."""
@@ -78,7 +59,7 @@ class _WorkerProcess(SpawnProcess):
     """A process whose libraries use one thread; they read the environment when they are loaded."""
 
     def start(self) -> None:
-        """Start; a Ctrl-C meanwhile takes effect afterwards, and the process itself never gets one.
+        """Start; being told to end meanwhile takes effect afterwards, and the process itself gets no Ctrl-C.
 
         A process inherits which signals are held back, and this one is before it can say that it ignores it.
         """
@@ -211,7 +192,8 @@ class Processes(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes at once, whatever they do; each may tidy up."""
         del wait, cancel_futures  # nobody waits for results any more
-        alive = [each.context.process for each in self._workers if each.context.process is not None]
+        processes = [each.context.process for each in self._workers if each.context.process is not None]
+        alive = [each for each in processes if each.pid is not None]  # the others never started
         for process in alive:
             if process.is_alive():
                 process.terminate()

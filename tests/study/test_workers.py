@@ -8,12 +8,14 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import pytest
 
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.robots import load_robot
+from circuitkit.study.processes import Processes
 from circuitkit.study.workers import _told_by
 
 ROOT = Path(__file__).parents[2]
@@ -53,12 +55,37 @@ def test_no_worker_is_left_when_its_parent_ends(tmp_path, number, code):
     time.sleep(4.0)  # they compile, or run already
     running.send_signal(number)
     _, said = running.communicate(timeout=60)
-    assert running.returncode == code
+    assert running.returncode == code, said
     assert "Traceback" not in said
     while any(map(lives, children)) and time.monotonic() < until + 60:
         time.sleep(0.1)
     assert not any(map(lives, children))
     assert [path for name in ("*.part*", "building-*") for path in tmp_path.rglob(name)] == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_start_of_a_process_is_not_cut_in_two(monkeypatch, number):
+    """What was told to end meanwhile ends afterwards, and a process that never started is no obstacle."""
+
+    def leave(came, _):
+        raise SystemExit(came)
+
+    done = []
+
+    def start(_):
+        signal.raise_signal(number)
+        done.append("started")
+
+    before = signal.signal(number, leave)
+    try:
+        monkeypatch.setattr(SpawnProcess, "start", start)
+        processes = Processes(1)
+        with pytest.raises(SystemExit):
+            processes.submit(os.getpid)
+        processes.shutdown()
+    finally:
+        signal.signal(number, before)
+    assert done == ["started"]
 
 
 def test_a_robot_that_is_sent_elsewhere_knows_where_it_lies(tmp_path, monkeypatch):
