@@ -4,7 +4,6 @@ The structure of a circuit decides about its C, numbers are data: so one structu
 What one gets may hang on the last bit, as the difference of two large numbers does: a case in which the numpy
 backend itself answers otherwise to numbers that are changed far behind the point is passed over, and counted.
 `pytest tests/engine/test_extremes.py --cases N` tries N of them.
-Known: the sigmoid of C is never 0 (see simd.h), but 3e-308, which a weight of 1e308 turns into about 4.
 """
 
 from __future__ import annotations

@@ -48,6 +48,7 @@ typedef int32_t whole;
 #define CK_LN2_LOW 1.4286068203094173e-06f
 #define CK_EXP_END 150.0f   /* beyond, exp is infinite or 0 in any case */
 #define CK_SAFE_END 87.0f   /* up to here exp and its reciprocal are normal numbers */
+#define CK_INFINITE 88.9f   /* 2^128, and so infinite by its bits */
 #define CK_SIGN_BIT INT32_MIN
 #else
 typedef double real;
@@ -65,6 +66,7 @@ typedef int64_t whole;
 #define CK_LN2_LOW 5.497923018708371e-14
 #define CK_EXP_END 1000.0
 #define CK_SAFE_END 708.0
+#define CK_INFINITE 709.9   /* 2^1024 */
 #define CK_SIGN_BIT INT64_MIN
 #endif
 #define CK_LOG2_E ((real)1.4426950408889634)

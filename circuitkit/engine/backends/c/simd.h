@@ -333,11 +333,11 @@ CK_INLINE CK(v) CK(polynomial_of_two)(CK(v) f)
 #undef C
 }
 
-/* 1 / (1 + 2^(-x / ln 2)). Beyond +-708 it stays what it is there: so it needs no second scale, and is never 0. */
+/* 1 / (1 + 2^(-x / ln 2)). Bounds for x save a second scale: 1 from 708 on, and 0 below -709, as 1 / infinity. */
 CK_INLINE CK(v) CK(sigmoid)(CK(v) x)
 {
     CK(v) shifted, f, p;
-    x = CK(higher)(CK(all)(-CK_SAFE_END), CK(lower)(CK(all)(CK_SAFE_END), x));
+    x = CK(higher)(CK(all)(-CK_INFINITE), CK(lower)(CK(all)(CK_SAFE_END), x));
     shifted = CK(fma)(x, CK(all)(-CK_LOG2_E), CK(all)(CK_ROUND));
     f = CK(fma)(x, CK(all)(-CK_LOG2_E), CK(all)(CK_ROUND) - shifted);
     p = CK(fma)(f, CK(polynomial_of_two)(f), CK(all)(1));
