@@ -18,7 +18,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from circuitkit.base.signals import BY_SIGNAL, tidy_up_when_ended, whole
+from circuitkit.base.signals import BY_SIGNAL, tidied_up_when_ended, whole
 
 # One thread each for the libraries below numpy: the processes share the cores already.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
@@ -88,12 +88,11 @@ def this_process() -> str:
 
 
 def _prepare() -> None:
-    """Make this process one of several that a parent has: it ends with its parent, and when it is told to.
+    """Make this process one of several that a parent has: it ends with its parent.
 
     Ctrl-C reaches all processes of a terminal; the one that started the others ends them.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    tidy_up_when_ended()
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
 
 
@@ -109,9 +108,10 @@ def _end_with_the_parent() -> None:
 
 
 def _until_told_to_end(fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> T:  # noqa: ANN401 - any
-    """Call a function; if the process is told to end meanwhile, end it, which the pool would not do."""
+    """Call a function; if it ends the process, or that is told to end, the pool has no say in it."""
     try:
-        return fn(*args, **kwargs)
+        with tidied_up_when_ended():
+            return fn(*args, **kwargs)
     except SystemExit as end:
         os._exit(end.code if isinstance(end.code, int) else 1)
 
