@@ -53,10 +53,11 @@ class Controller(Protocol):
     """Maps channels to commands once a control step.
 
     A controller may also have `trace_names`, what it records of itself, with `store_trace(row)`, which writes
-    that into an array of shape (B, n); `bind(interface)`, which is asked once before a run for the controller
-    that runs; `seed_noise(seeds)`, which is told after `reset` which seed each robot has, if something in the
-    controller is random; and `backends`, the names of the backends that run its circuits, by the keys of
-    `ControllerSpec.circuits`. A robot's commands must depend on what it reads itself and on its seed alone.
+    that into an array of shape (B, n), in which nothing is a number before; `bind(interface)`, which is asked
+    once before a run for the controller that runs; `seed_noise(seeds)`, which is told after `reset` which seed
+    each robot has, if something in the controller is random; and `backends`, the names of the backends that
+    run its circuits, by the keys of `ControllerSpec.circuits`. A robot's commands must depend on what it reads
+    itself and on its seed alone.
 
     Attributes:
         name: As the user calls it.
@@ -90,6 +91,8 @@ PROTOCOL = (
 )
 _NAMES = ("observations", "commands")
 _CALLED = ("reset", "step")
+_DOUBLE = 8  # [bytes]
+_TRACE, _STORE = "trace_names", "store_trace"  # which a controller may have
 
 
 def require_instance(given: object) -> None:
@@ -118,7 +121,7 @@ def require_controller(given: object) -> Controller:
     if missing:
         allowed = "the name of a controller, a path, or an object with all of these"
         problems.append(_problem(given, allowed, without=missing))
-    for key in _NAMES:
+    for key in (*_NAMES, _TRACE):
         found = getattr(given, key, ())
         example = f"('{found}',)" if isinstance(found, str) else "('yaw', 'speed')"
         if not isinstance(found, list | tuple):
@@ -127,7 +130,10 @@ def require_controller(given: object) -> Controller:
             problems.append(_problem(strange[0], f"a tuple of names, such as {example}", key))
         elif len(set(found)) < len(found):
             problems.append(_problem(found, "each name once", key))
-    called = (key for key in _CALLED if key not in missing and not callable(getattr(given, key)))
+    if getattr(given, _TRACE, ()) and not hasattr(given, _STORE):
+        problems.append(_problem(given, f"with {_TRACE}, also {_STORE}(row)", without=[_STORE]))
+    there = (key for key in (*_CALLED, _STORE) if hasattr(given, key))
+    called = (key for key in there if not callable(getattr(given, key)))
     problems += [_problem(getattr(given, key), "a method", key) for key in called]
     if not isinstance(name := getattr(given, "name", ""), str):
         problems.append(_problem(name, "a text", "name"))
@@ -156,6 +162,9 @@ def checked_step(controller: Controller, batch: int) -> Callable[[Array], Array]
         is_array = isinstance(found, np.ndarray) and not isinstance(found, np.ma.MaskedArray)
         if not is_array or found.shape != wanted or found.dtype.kind not in "fiu":
             raise InputError(_problem(found, allowed, f"'{controller.name}'.step"))
+        if found.dtype.itemsize > _DOUBLE:
+            with np.errstate(over="ignore"):  # what becomes infinite is no command
+                return found.astype(np.float64)
         return found
 
     return step

@@ -77,7 +77,7 @@ class _Rows:
         self.qpos = np.empty((length, *worlds.qpos.shape))
         self.observations = np.empty((length, batch, len(controller.observations)))
         self.commands = np.empty((length, batch, len(controller.commands)))
-        self.trace = np.empty((length, batch, len(setup.trace_names)))
+        self.trace = np.full((length, batch, len(setup.trace_names)), np.nan)  # it may leave some out
 
     def since(self, begin: int, end: int) -> tuple[Array, Array, Array]:
         """Readings, commands and positions of the ticks from `begin` to before `end`, at most L of them."""

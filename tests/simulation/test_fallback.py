@@ -231,6 +231,24 @@ def test_a_controller_may_change_what_it_reads_and_the_recording_stays(cart):
     np.testing.assert_array_equal(whole.qpos, spoilt.qpos)
 
 
+def test_what_a_controller_does_not_tell_of_itself_is_no_number(cart):
+    careless = Careless(lambda observation: np.ones((len(observation), 1)))
+    careless.trace_names = ("told", "left out")
+
+    def store_trace(row):
+        row[:, 0] = 7.0
+
+    careless.store_trace = store_trace
+    trace = run(cart, careless).trace
+    assert (trace[..., 0] == 7.0).all()
+    assert np.isnan(trace[..., 1]).all()
+
+
+def test_a_command_beyond_all_floats_is_no_command(cart):
+    huge = Careless(lambda observation: np.full((len(observation), 1), np.longdouble("1e4000")))
+    assert run(cart, huge).interventions()["held"].keys() == {"force"}
+
+
 @pytest.mark.parametrize(
     ("commands", "found"),
     [

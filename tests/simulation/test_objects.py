@@ -271,6 +271,12 @@ def told(**changes):
             "('yaw', 'speed')"),
         (told(commands=("force", "force")), "controller.commands: found a list of 2; "
             "allowed: each name once"),
+        (told(trace_names="ab", store_trace=print), "controller.trace_names: found 'ab'; allowed: a tuple of "
+            "names, such as ('ab',)"),
+        (told(trace_names=("a", "a"), store_trace=print), "controller.trace_names: found a list of 2; "
+            "allowed: each name once"),
+        (told(trace_names=("a",)), "controller: found an object of the class Told without store_trace; "
+            "allowed: with trace_names, also store_trace(row)"),
         (told(step=None), "controller.step: found nothing; allowed: a method"),
         (told(name=3), "controller.name: found 3; allowed: a text"),
         (Returning(None), f"controller.'told'.step: found nothing; allowed: {SHAPE}"),
