@@ -54,10 +54,10 @@ class Controller(Protocol):
 
     A controller may also have `trace_names`, what it records of itself, with `store_trace(row)`, which writes
     that into an array of shape (B, n), in which nothing is a number before; `bind(interface)`, which is asked
-    once before a run for the controller that runs; `seed_noise(seeds)`, which is told after `reset` which seed
-    each robot has, if something in the controller is random; and `backends`, the names of the backends that
-    run its circuits, by the keys of `ControllerSpec.circuits`. A robot's commands must depend on what it reads
-    itself and on its seed alone.
+    once before a run for the controller that runs; `seed_noise(seeds)`, which is told after `reset` which
+    seed each robot has, if something in the controller is random; and `backends`, the names of the backends
+    that run its circuits, by the keys of `ControllerSpec.circuits`. A robot's commands must depend on what it
+    reads itself and on its seed alone.
 
     Attributes:
         name: As the user calls it.
