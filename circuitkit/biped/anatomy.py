@@ -28,7 +28,6 @@ _LEAST_CELL_M = 0.06  # half the width of a cell's volume: from the middle of th
 _CELL_HALF_HEIGHT_M = 0.02
 _CELL_INSET = 0.15  # a cell that nobody places is so much of the sole's length and width inside its corner
 _ALONG = 0.5  # the least part of a joint's axis that must lie along x or y
-_ABOVE_M = 0.3  # the ground is looked for from so far above the torso's origin
 _TILTED_RAD = (np.radians(2.0), np.radians(40.0))  # a sole tilted by so much is drawn so, and not meant so
 _MICRON = 6  # decimals of a measured length, [m]
 _TURNED = 0.01  # how much better a turned torso must fit the roles, for the MJCF's own posture to count
@@ -237,32 +236,6 @@ def quarters(cells_m: Array, sole: Sole | None = None) -> Iterator[tuple[Array, 
         half = max(half, float(np.abs(edges - middle).max()) / 2 + 0.01)
     for cell in cells_m:
         yield middle + np.sign(cell - middle) * half, [half, half, _CELL_HALF_HEIGHT_M]
-
-
-def ground_below(model: mujoco.MjModel, torso: int, qpos: Array) -> float | None:
-    """Height of what lies under a robot and carries it; None if there is nothing. To a micron, [m]."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-    paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
-    at, hit, normal = data.xpos[torso] + [0.0, 0.0, _ABOVE_M], np.zeros(1, dtype=np.int32), np.zeros(3)
-    down = np.array([0.0, 0.0, -1.0])
-    own = model.body_rootid[model.geom_bodyid] == torso
-    touching, touched = (
-        np.bitwise_or.reduce(mask[own]) for mask in (model.geom_contype, model.geom_conaffinity)
-    )
-    for _ in range(model.ngeom):
-        way = mujoco.mj_ray(model, data, at, down, None, 1, -1, hit, normal)
-        geom = int(hit[0])
-        if geom < 0:
-            break
-        at = at + (way + 1e-9) * down
-        solid = (
-            model.geom_contype[geom] & touched or model.geom_conaffinity[geom] & touching or geom in paired
-        )
-        if solid and not own[geom]:
-            return round(float(at[2]), _MICRON) + 0.0
-    return None
 
 
 class _Straight:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from circuitkit.base.errors import InputError, Problem, listing, suggest
 from circuitkit.base.units import Unit, parse_unit
-from circuitkit.biped.anatomy import BipedSpec, ground_below, measured, quarters
+from circuitkit.biped.anatomy import BipedSpec, measured, quarters
 from circuitkit.biped.gait import LEG_JOINTS, PHASES, SIDES
-from circuitkit.biped.gait.lipm import GRAVITY_M_S2
+from circuitkit.biped.ground import checked_ground
 from circuitkit.biped.sensing import Array, BipedView, SensorLayout, channels
 from circuitkit.robots import Command, Robot, RobotModel
 from circuitkit.robots.model import Brought
@@ -31,7 +31,6 @@ _UPRIGHT = (
     "biped upright"  # site of the torso whose axes are the world's when it is upright and faces along x
 )
 _ENOUGH = 1.5  # an ankle of less than so many times m g h hardly carries a walk
-_LIKE_EARTH = 0.05  # part by which gravity may be another than that of plans and controllers without a word
 _NET_FORCE = 3  # of mjtContactReduce: one wrench for all contacts of the foot
 
 # What a controller may add to the legs, by role: factors of the command's angle.
@@ -97,7 +96,6 @@ class _Prepared:
 
     def finish(self, robot: RobotModel) -> Brought:
         """What a biped brings: channels, commands, and itself."""
-        _check_gravity(robot)
         model, (block, upright) = robot.model, measured(self.block, robot)
         first = int(model.sensor(self.sensors[0]).adr[0])
         _turn_imu(model, upright)
@@ -108,7 +106,9 @@ class _Prepared:
         positions = np.array([*block.feet.left.cells.values(), *block.feet.right.cells.values()])
         joints = [block.joint(role) for role in block.roles]
         zeros = [(float(joint.sign or 1), joint.offset) for joint in joints]
-        found = channels(layout, positions, block.legs.hip_offset_y, zeros, block.force_cells.range)
+        found = channels(
+            layout, positions, block.legs.hip_offset_y, zeros, block.force_cells.range, body.ground_m
+        )
         return Brought(found, body.commands(), body)
 
 
@@ -335,7 +335,7 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, uprigh
         upright: Quaternion of the torso when it is upright.
 
     Raises:
-        InputError: A joint of the legs has no position servo, or there is no ground.
+        InputError: A joint of the legs has no position servo, or no ground carries the robot.
     """
     model = robot.model
     joint_type = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
@@ -355,10 +355,6 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, uprigh
         )
         raise InputError(robot.robot.problem(("biped", "joints", missing[0]), message))
     torso = int(model.body(block.torso).id)
-    ground = ground_below(model, torso, robot.start_qpos)
-    if ground is None:
-        message = f"there is no ground under '{block.torso}'; allowed: a floor that the robot can touch"
-        raise InputError(robot.robot.problem((BipedBlock.kind,), message))
     base = int(model.body_jntadr[torso])
     gear = np.array([float(model.actuator_gear[model.actuator_outadr[i], 0]) for i in servos])
     gain = np.array([float(model.actuator_gainprm[i, 0]) for i in servos])
@@ -384,27 +380,8 @@ def make_body(robot: RobotModel, block: BipedBlock, layout: SensorLayout, uprigh
         torso_id=torso,
         feet_id=(int(model.body(block.feet.left.body).id), int(model.body(block.feet.right.body).id)),
         mass_kg=float(model.body_subtreemass[torso]),
-        ground_m=ground,
+        ground_m=checked_ground(robot, torso, (block.kind,)),
     )
-
-
-def _check_gravity(robot: RobotModel) -> None:
-    """Refuse gravity that does not press a biped on the ground; warn of another size than that on earth.
-
-    Plans and controllers are those of the inverted pendulum under `GRAVITY_M_S2`.
-
-    Raises:
-        InputError: Gravity does not point down, so that there is no ZMP.
-    """
-    x, y, z = gravity = robot.model.opt.gravity
-    size = float(np.linalg.norm(gravity))
-    found = f"the MJCF's gravity is {x:g} {y:g} {z:g} m/s^2"
-    if z >= 0:
-        message = f"{found}; allowed: gravity along -z, which presses the feet on the ground"
-        raise InputError(robot.robot.problem((BipedBlock.kind,), message))
-    if abs(size / GRAVITY_M_S2 - 1) > _LIKE_EARTH:
-        planned = f"gaits and the controllers of bipeds are worked out for {GRAVITY_M_S2:g} m/s^2"
-        robot.robot.warn((BipedBlock.kind,), f"{found}; {planned}")
 
 
 def _warn_of_soft_ankles(robot: RobotModel, body: BipedBody) -> None:

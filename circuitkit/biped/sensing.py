@@ -105,6 +105,7 @@ def channels(
     hip_offset_y_m: float,
     zeros: Sequence[tuple[float, float]],
     cell_range: tuple[float, float],
+    ground_m: float,
 ) -> dict[str, Channel]:
     """All channels of a robot with two feet of four force cells.
 
@@ -118,11 +119,16 @@ def channels(
         zeros: For each of the legs' joints 1, or -1 where it turns the other way in the MJCF; and the MJCF's
             angle where ours is 0, [rad].
         cell_range: What a cell can show, [N].
+        ground_m: Height of the floor, [m].
     """
     found = _Channels(layout)
     _add_sums(found, cells_xy_m, hip_offset_y_m)
     _add_body(found)
     _add_places(found)
+    if ground_m != 0:
+        com_z = found.channels["com_z"]
+        above = _from_zero("com_z", layout.com.start + 2, 1.0, ground_m)
+        found.channels["com_z"] = Channel("com_z", com_z.unit, above, com_z.description)
     for number, (joint, (sign, offset)) in enumerate(zip(layout.legs, zeros, strict=True)):
         description = f"angle of the {joint.replace('_', ' ')}"
         if offset == 0:
@@ -261,6 +267,7 @@ class BipedView:
         body = recording.robot.blocks["biped"]
         self.layout: SensorLayout = body.layout
         self.block: BipedSpec = body.block
+        self._ground_m: float = body.ground_m
 
     @property
     def _readings(self) -> Array:
@@ -289,6 +296,7 @@ class BipedView:
         com = self._readings[..., self.layout.com].copy()
         for side in range(2):
             com[..., :2] -= self._readings[..., self.layout.foot(side)][..., :2] / 2
+        com[..., 2] -= self._ground_m
         return com
 
     @cached_property

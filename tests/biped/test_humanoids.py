@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -169,11 +170,41 @@ def test_gravity_that_does_not_press_on_the_ground_is_refused(tmp_path, gravity)
     assert found in str(caught.value)
 
 
-@pytest.mark.parametrize("floor", ["", '<geom type="plane" size="5 5 1" contype="4" conaffinity="2"/>'])
-def test_a_biped_needs_ground_that_it_can_touch(tmp_path, floor):
-    """It would fall for ever, upright."""
-    with pytest.raises(InputError, match="biped: there is no ground under 'trunk'; allowed: a floor"):
-        build_model(load_robot(Humanoid(floor=floor).write(tmp_path)))
+PLANE = '<geom type="plane" size="0 0 1" {}/>'
+EXCLUDED = "".join(f'<exclude body1="world" body2="{side}_foot"/>' for side in ("left", "right"))
+
+
+@pytest.mark.parametrize(
+    ("humanoid", "found"),
+    [
+        (Humanoid(floor=""), "there is no ground under the robot"),
+        (Humanoid(floor=PLANE.format('contype="4" conaffinity="2"')), "it falls through the ground"),
+        (Humanoid(floor=f"{PLANE.format('')}</worldbody><contact>{EXCLUDED}</contact><worldbody>"),
+            "it falls through the ground"),
+        (Humanoid(option='timestep="0.002"><flag contact="disable"/></option><option'),
+            "it falls through the ground"),
+        (Humanoid(option='timestep="0.002"><flag constraint="disable"/></option><option'),
+            "it falls through the ground"),
+        (Humanoid(option='timestep="0.002"><flag gravity="disable"/></option><option'),
+            "the MJCF's gravity is 0 0 0 m/s^2"),
+    ],
+)  # fmt: skip
+def test_a_biped_that_nothing_carries_is_refused(tmp_path, humanoid, found):
+    """It would fall for ever, upright, or float."""
+    with pytest.raises(InputError, match=re.escape(found)):
+        build_model(load_robot(humanoid.write(tmp_path)))
+
+
+@pytest.mark.parametrize("height_m", [-1.0, 0.4])
+def test_where_the_floor_is_changes_nothing(tmp_path, height_m):
+    def outcome(floor):
+        folder = tmp_path / str(len(floor))
+        return simulate(load_scenario(scenario_of(folder, Humanoid(floor=floor), 2.0)))
+
+    there, here = outcome(PLANE.format(f'pos="0 0 {height_m}"')), outcome(PLANE.format(""))
+    assert there.measures["lean"] == pytest.approx(here.measures["lean"], rel=0.05)
+    heights = [each.recording.channel("com_z").ravel() for each in (there, here)]
+    np.testing.assert_allclose(heights[0], heights[1], atol=2e-4)
 
 
 def test_another_gravity_than_that_of_plans_is_warned_of(tmp_path, caplog):
