@@ -46,7 +46,7 @@ check: $(READY)  ## style, types and the layers of packages
 	$(BIN)/lint-imports
 
 test: $(READY)  ## all tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n logical --maxprocesses 8 --dist loadfile
 
 # The plugin of Nengo is made for an older pytest.
 test-peers: $(PEERS)/.ready  ## our trajectories against those of Nengo and Brian2, which it installs into .venv-peers

@@ -103,6 +103,10 @@ def test_pictures_are_the_same_whatever_a_user_has_set_for_others(tmp_path, sett
     done = called("draw echo.yaml -o out.png", tmp_path, MATPLOTLIBRC=str(folder), MPLBACKEND=backend)
     assert (done.returncode, done.stderr) == (0, b"wrote out.png\n")
     assert (tmp_path / "out.png").read_bytes() == (tmp_path / "wanted.png").read_bytes()
+    (folder / "matplotlibrc").rename(tmp_path / "matplotlibrc")  # where matplotlib looks first
+    done = called("draw echo.yaml -o here.png", tmp_path)
+    assert (done.returncode, done.stderr) == (0, b"wrote here.png\n")
+    assert (tmp_path / "here.png").read_bytes() == (tmp_path / "wanted.png").read_bytes()
 
 
 def test_tex_in_the_settings_of_a_process_changes_no_picture(tmp_path):

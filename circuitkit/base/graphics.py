@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 import os
+from pathlib import Path
 
 
 def import_mujoco() -> None:
@@ -30,3 +31,10 @@ def shut_out_settings_of_matplotlib() -> None:
     os.environ["MPLBACKEND"] = "agg"
     os.environ["MATPLOTLIBRC"] = os.devnull
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    if os.path.lexists("matplotlibrc"):  # in the working folder, which comes before all others
+        here = Path.cwd()
+        try:
+            os.chdir(Path(__file__).parent)
+            importlib.import_module("matplotlib")
+        finally:
+            os.chdir(here)

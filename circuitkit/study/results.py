@@ -10,7 +10,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import circuitkit
-from circuitkit.base.errors import CircuitkitError, MissingDependencyError, listing
+from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, listing
 from circuitkit.base.units import format_quantity, parse_quantity
 from circuitkit.study.cases import Case, Outcome
 from circuitkit.study.search import Verdict, boundary, verdict, verdicts_of_one
@@ -57,15 +57,16 @@ def row_of(study: Study, run: Run) -> dict[str, Any]:
     """The row of a run.
 
     Raises:
-        CircuitkitError: An axis has the name of a measure.
+        InputError: An axis has the name of a measure.
     """
     seed, search = run.outcome.seed, study.search
     row: dict[str, Any] = dict(study.cells[run.cell].labels)
     if search is not None:
         row[search.field] = parse_quantity(search.value(run.index)).value_si
     if clash := row.keys() & run.outcome.row().keys():
-        message = f"found an axis '{min(clash)}', which is a measure of the scenario; allowed: another name"
-        raise CircuitkitError(message)
+        name = min(clash)
+        message = f"found an axis '{name}', which is a measure of the scenario; allowed: another name"
+        raise InputError(study.document.problem(("axes", name), message, at_key=True))
     return (
         row
         | run.outcome.row()

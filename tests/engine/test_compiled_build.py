@@ -247,7 +247,7 @@ def test_a_forked_process_can_use_threads_too(monkeypatch, tmp_path):
     assert done.stdout.strip() == repr(float(wanted.sum())), done.stderr
 
 
-@pytest.mark.parametrize("how", ["words", "flag", "path with spaces", "quoted path", "home"])
+@pytest.mark.parametrize("how", ["words", "flag", "path with spaces", "quoted path", "home", "here"])
 @pytest.mark.usefixtures("cache")
 def test_the_compiler_is_what_make_would_run(tmp_path, monkeypatch, how):
     """A compiler that notes its arguments, as `ccache` does its cache."""
@@ -265,7 +265,9 @@ def test_the_compiler_is_what_make_would_run(tmp_path, monkeypatch, how):
         "path with spaces": str(own),
         "quoted path": f'"{own}"',
         "home": "'~/my cc'",
+        "here": "'./my cc'",
     }[how]
+    monkeypatch.chdir(folder)
     monkeypatch.setenv("CC", chosen)
     assert result(SOURCE.format(20)) == 20
     called = (tmp_path / "called").read_text()

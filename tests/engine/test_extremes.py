@@ -68,11 +68,18 @@ def answer(program, inputs):
     return np.concatenate([trace.activation, trace.output, trace.readout, trace.states], axis=-1)
 
 
-def alike(one, other, tolerance):
+def rounding(program):
+    """What the dense backend may leave out of an activation, which it holds as its distance from the shift."""
+    shifts = [m.constants["shift"] for m in program.before if isinstance(m, Map) and "shift" in m.constants]
+    largest = max((np.abs(shift).max() for shift in shifts), default=0.0)
+    return 4 * np.finfo(program.precision).eps * float(largest)
+
+
+def alike(one, other, tolerance, floor=0.0):
     if isinstance(one, str) or isinstance(other, str):
         return isinstance(one, str) and isinstance(other, str) and one == other
     scale = np.maximum(np.abs(one), np.abs(other))
-    return bool((np.abs(one / 2 - other / 2) <= tolerance * np.maximum(scale, 1e-30)).all())
+    return bool((np.abs(one / 2 - other / 2) <= tolerance * np.maximum(scale, 1e-30) + floor).all())
 
 
 def check(program, rng, batch):
@@ -97,7 +104,9 @@ def check(program, rng, batch):
     }
     for name, other in others.items():
         found = answer(other, inputs)
-        assert alike(found, wanted, tolerance), (name, found, wanted)
+        floor = np.zeros(1 if isinstance(wanted, str) else wanted.shape[-1])
+        floor[: len(tried.neuron_names)] = rounding(tried) if name == "dense" else 0.0
+        assert alike(found, wanted, tolerance, floor), (name, found, wanted)
 
 
 @settings(

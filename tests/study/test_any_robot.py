@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from circuitkit.base.errors import CircuitkitError, UnknownNameError
+from circuitkit.base.errors import CircuitkitError, InputError, UnknownNameError
 from circuitkit.simulation import RunSpec, load_scenario, make_plan
 from circuitkit.simulation.loop import run_loop
 from circuitkit.study import CaseBuilder, make_study, open_workers, run_cases, sweep
@@ -94,7 +94,9 @@ def test_what_is_no_condition_cannot_be_searched(tmp_path, condition, error, mes
 
 def test_an_axis_with_the_name_of_a_measure_is_refused(tmp_path):
     study = make_study({**POLE, "axes": {"furthest": {"a": {}}}})
-    with pytest.raises(CircuitkitError, match="found an axis 'furthest', which is a measure of the scenario"):
+    with pytest.raises(
+        InputError, match=r"^axes\.furthest: found an axis .furthest., which is a measure of the scenario"
+    ):
         sweep(study, tmp_path, workers=1, progress=False)
 
 

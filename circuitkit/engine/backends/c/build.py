@@ -161,7 +161,7 @@ def _compiler() -> list[str]:
     words = [whole] if whole and shutil.which(whole) else _words("CC")
     for first, *others in [words] if words else [["cc"], ["gcc"], ["clang"]]:
         if path := shutil.which(os.path.expanduser(first)):  # noqa: PTH111 - a name without a folder stays one
-            return [path, *others]
+            return [os.path.abspath(path), *others]  # noqa: PTH100 - it runs in another folder; links stay
     looked = f"'{words[0]}', as $CC says" if words else "$CC, cc, gcc, clang"
     message = f"no C compiler was found (looked for {looked})"
     if words:
