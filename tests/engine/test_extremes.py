@@ -69,7 +69,7 @@ def answer(program, inputs):
 
 
 def rounding(program):
-    """What the dense backend may leave out of an activation, which it holds as its distance from the shift."""
+    """What the dense backend may leave out of an activation: it holds its distance from the shift."""
     shifts = [m.constants["shift"] for m in program.before if isinstance(m, Map) and "shift" in m.constants]
     largest = max((np.abs(shift).max() for shift in shifts), default=0.0)
     return 4 * np.finfo(program.precision).eps * float(largest)
