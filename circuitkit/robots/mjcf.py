@@ -6,6 +6,7 @@ Every part gets a name, and what MuJoCo says reaches the user.
 from __future__ import annotations
 
 import logging
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -31,6 +32,7 @@ _LOG = logging.getLogger(__name__)
 _Made = TypeVar("_Made")
 _NAMED = ("bodies", "joints", "sites", "tendons", "actuators", "sensors", "keys")
 _SINGULAR = {"bodies": "body"}
+_LINE = re.compile(r"\b[Ll]ine (?:number=)?(\d+)")
 _GONE = dict.fromkeys(  # what MuJoCo had before version 4, by how its complaints name it
     ("'composite'", "mujoco.elasticity"),
     "MuJoCo 4 has neither; a flexcomp with <elasticity> takes their place",
@@ -106,7 +108,8 @@ def _or_complain(path: Path, what: str, make: Callable[[], _Made]) -> _Made:
     except (ValueError, TypeError, OverflowError, mujoco.FatalError) as error:
         text = "; ".join(line.strip() for line in str(error).splitlines() if line.strip())
         hint = next((words for part, words in _GONE.items() if part in text), "")
-        raise InputError(Problem(str(path), 1, 1, "", f"{what}: {text}", hint)) from error
+        lines = [int(number) for number in _LINE.findall(text)]  # 0 for what another file includes
+        raise InputError(Problem(str(path), max([1, *lines[-1:]]), 1, "", f"{what}: {text}", hint)) from error
 
 
 @contextmanager

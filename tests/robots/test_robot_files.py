@@ -56,6 +56,8 @@ def test_a_file_that_is_no_mjcf_and_one_that_mujoco_refuses(tmp_path):
     said = complaints(robot_file(tmp_path, weightless))
     assert said.startswith("model.xml:1:1: ")
     assert "mass and inertia of moving bodies must be larger than mjMINVAL" in said
+    misspelt = complaints(robot_file(tmp_path, "<mujoco>\n<worldbody>\n<geom siz='1'/></worldbody></mujoco>"))
+    assert misspelt.startswith("model.xml:3:1: ")
 
 
 @pytest.mark.parametrize(
