@@ -1,4 +1,4 @@
-"""Columns as CSV, which every reader of CSV reads as the same numbers."""
+"""Columns as CSV, which every reader of CSV reads as the same numbers; and its cells as numbers."""
 
 from __future__ import annotations
 
@@ -42,3 +42,15 @@ def csv_line(*rows: Any) -> str:  # noqa: ANN401 - whatever `csv` writes
 def csv_number(value: float) -> str:
     """A float as text; what is no number is `NaN`, as readers know it."""
     return "NaN" if value != value else repr(float(value))  # noqa: PLR0124 - only NaN differs from itself
+
+
+def read_number(cell: str) -> float:
+    """The number in a cell, as all readers of CSV read it: no `1_0` and no digits of other scripts.
+
+    Raises:
+        ValueError: There is none.
+    """
+    if "_" in cell or not cell.isascii():
+        message = f"could not convert string to float: {cell!r}"
+        raise ValueError(message)
+    return float(cell)

@@ -210,9 +210,9 @@ _TYPOGRAPHY = str.maketrans(
     | {"\N{DEGREE SIGN}": "deg", "\N{OHM SIGN}": "ohm", "\N{GREEK CAPITAL LETTER OMEGA}": "ohm"}
     | {"\N{SUPERSCRIPT TWO}": "^2", "\N{SUPERSCRIPT THREE}": "^3"}
 )
-_FACTOR = re.compile(r"(?P<symbol>[A-Za-z%]+|1)(?:\^(?P<power>-?\d))?")
+_FACTOR = re.compile(r"(?P<symbol>[A-Za-z%]+|1)(?:\^(?P<power>-?[0-9]))?")
 _NUMBER = re.compile(
-    r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?)"
+    r"(?P<number>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,4})?)"
     r"(?:\s+(?P<quotient>1(?:\s*[*/^].*)?)|\s*(?P<unit>[^\d.,_:\s].*))?"
 )
 _MAX_LENGTH = 80

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from circuitkit.engine.program import Precision
 
 _LONG_S = 1e-3
-_LIMIT = re.compile(r"(\d+)|(\d+\.?\d*|\.\d+)\s*%")
+_LIMIT = re.compile(r"([0-9]+)|([0-9]+\.?[0-9]*|\.[0-9]+)\s*%")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from circuitkit.base.errors import InputError, Problem, UnitError, listing, suggest
 from circuitkit.base.reading import MOST_TABLE, read_text
+from circuitkit.base.tables import read_number
 from circuitkit.base.units import DIMENSIONLESS, Unit, parse_quantity
 from circuitkit.circuit.graph import CircuitGraph, InputNode
 from circuitkit.engine.operations import FloatArray
@@ -55,7 +56,8 @@ def _unknown_input(name: str, names: Sequence[str]) -> tuple[str, str]:
 def _value_si(text: str, node: InputNode, bare_in: Unit) -> float:
     """Return SI value of text such as `70 mm`; a bare number is in `bare_in`."""
     try:
-        value = bare_in.to_si(float(text)) if math.isfinite(float(text)) else math.nan
+        number = read_number(text)
+        value = bare_in.to_si(number) if math.isfinite(number) else math.nan
         dimension = bare_in.dimension
     except ValueError:
         quantity = parse_quantity(text)
@@ -146,7 +148,7 @@ def _check_times(path: Path, cells: Sequence[tuple[int, int, str]], step_s: floa
     previous = None
     for line, column, text in cells:
         try:
-            time_s = float(text)
+            time_s = read_number(text)
         except ValueError:
             message = f"found '{text.strip()}'; allowed: seconds as a number"
             raise InputError(Problem(str(path), line, column, TIME, message)) from None

@@ -65,6 +65,14 @@ class BoundMeasure:
         return None
 
 
+INVALID = "invalid"  # the column that says when and why a run became invalid
+RMS = "rms_"  # what the columns of commands begin with
+CLAMPED = "clamped_share"  # the column that says in which part of a run commands were cut to their limits
+# Columns of results, of runs and of studies, that no measure may be called.
+COLUMNS = frozenset([
+    "scenario", "controller", "seed", "push", "outcome", INVALID, "warnings", "interventions", "interrupted",
+    "notes", "recording", "version", "key", CLAMPED,
+])  # fmt: skip
 SURVIVED = "survived"  # the measure that says whether a run was a success
 MEASURES: Registry[MeasureKind] = Registry("measures", MeasureKind)
 

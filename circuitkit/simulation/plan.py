@@ -30,7 +30,7 @@ from circuitkit.simulation.disturbance import Disturbance, RunSpec, draw_effects
 from circuitkit.simulation.fallback import Fallback
 from circuitkit.simulation.formulas import Formula, parse_measure
 from circuitkit.simulation.loop import Setup
-from circuitkit.simulation.measures import SURVIVED, Judge, located
+from circuitkit.simulation.measures import COLUMNS, RMS, SURVIVED, Judge, located
 from circuitkit.simulation.reference import Motion, Reference, beyond_ranges, require_motion
 from circuitkit.simulation.scenario import Scenario
 
@@ -161,8 +161,13 @@ class Plan:
         """The scenario's measures, bound to the robot.
 
         Raises:
-            InputError: A measure names what is not there, or joins units that do not fit.
+            InputError: A measure has the name of another column of results, names what is not there, or joins
+                units that do not fit.
         """
+        for name in self.scenario.formulas:
+            if name in COLUMNS or name.startswith(RMS):
+                message = f"found a measure '{name}', which is a column of the results; allowed: another name"
+                raise InputError(self.scenario.problem_in("measures", name, message, 0))
         with self.scenario.located("measures"):
             kinds = tuple(kind.bind(self) for kind in self.scenario.measure_kinds)
         channels = self.body.plant.channels

@@ -16,11 +16,12 @@ from circuitkit.simulation import Disturbance, Plan, Reference, RunSpec, Scenari
 from circuitkit.simulation.disturbances.push import Push
 from circuitkit.simulation.effects import require_before
 from circuitkit.simulation.formulas import Value
+from circuitkit.simulation.measures import INVALID
 from circuitkit.simulation.plan import Body, Circuits, make_body, robot_of
 from circuitkit.simulation.scenario import LONGEST_S
 from circuitkit.study.identity import Part, robot_parts, scenario_data
 from circuitkit.study.plain import digest, plain
-from circuitkit.study.spec import INVALID, is_measure
+from circuitkit.study.spec import is_measure
 
 FILES = ("robot", "reference", "controller", "circuit")  # keys of a scenario that name files
 _OWN_FORM = {"disturbances", "measures", "reference"}  # keys that are written as a file has them

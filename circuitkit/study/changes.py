@@ -21,8 +21,8 @@ from circuitkit.simulation.reference import REFERENCES
 from circuitkit.simulation.scenario import scenario_class
 
 LIST = "disturbances"
-_STEP = re.compile(r"(?P<name>[^.\[\]]+)|\[(?P<index>\d+)\]")
-_PATH = re.compile(r"[^.\[\]]+(?:\[\d+\])*(?:\.[^.\[\]]+(?:\[\d+\])*)*")
+_STEP = re.compile(r"(?P<name>[^.\[\]]+)|\[(?P<index>[0-9]+)\]")
+_PATH = re.compile(r"[^.\[\]]+(?:\[[0-9]+\])*(?:\.[^.\[\]]+(?:\[[0-9]+\])*)*")
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 T = TypeVar("T")

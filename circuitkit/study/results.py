@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import circuitkit
 from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, listing
 from circuitkit.base.units import format_quantity, parse_quantity
+from circuitkit.simulation.measures import INVALID
 from circuitkit.study.cases import Case, Outcome
 from circuitkit.study.search import Verdict, boundary, verdict, verdicts_of_one
-from circuitkit.study.spec import INVALID, RESERVED, Cell, Label, Study, is_measure
+from circuitkit.study.spec import RESERVED, Cell, Label, Study, is_measure
 
 if TYPE_CHECKING:
     import pyarrow

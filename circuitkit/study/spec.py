@@ -27,13 +27,11 @@ from circuitkit.base.source import (
 )
 from circuitkit.base.source.fields import AnyQuantity, Ratio, Seconds
 from circuitkit.base.units import Quantity, Unit, parse_quantity
+from circuitkit.simulation.measures import CLAMPED, INVALID, RMS
 
 FOLDER = "sims/studies"
-INVALID = "invalid"  # the column that says when and why a run became invalid
 RESERVED = ("seed", INVALID, "scenario", "version", "key")  # columns that every table of results has
 MOST_SEEDS, MOST_CELLS, MOST_STEPS = 1_000_000, 1_000_000, 1_000_000
-RMS = "rms_"  # what the columns of commands begin with
-CLAMPED = "clamped_share"  # the column that says in which part of a run commands were cut to their limits
 
 # A value of an axis: as in the file, or in SI units where it has one.
 Label: TypeAlias = "str | int | float | bool | None"

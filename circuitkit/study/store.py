@@ -17,10 +17,11 @@ from typing import Any
 from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import SEAL, replacing, seal, verified, write_text
 from circuitkit.base.reading import read_text
+from circuitkit.simulation.measures import RMS
 from circuitkit.study.cases import Outcome
 from circuitkit.study.identity import Identity
 from circuitkit.study.results import Results, Row, arrow, outcome_of, table_of
-from circuitkit.study.spec import RMS, Study, make_study
+from circuitkit.study.spec import Study, make_study
 
 _FORMAT = 2
 _SEAL_KEY = "checksum"  # in the metadata of a Parquet file

@@ -19,13 +19,13 @@ from typing import Any, TypeVar
 from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, listing
 from circuitkit.simulation import Disturbance, RunSpec
 from circuitkit.simulation.loop import run_and_watch
+from circuitkit.simulation.measures import CLAMPED, RMS
 from circuitkit.study.cases import Case, ChangedError, Outcome, plan_of
 from circuitkit.study.identity import all_versions
 from circuitkit.study.processes import Processes, this_process
-from circuitkit.study.spec import CLAMPED, RMS
 
 _CONNECT_S = 10.0
-_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):\d{1,5}")
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?([\w.-]+|\[[0-9A-Fa-f:.%]+\]):[0-9]{1,5}")
 _MOST_WORKERS = 1024
 
 T = TypeVar("T")

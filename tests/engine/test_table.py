@@ -163,6 +163,9 @@ def test_wrong_values_are_listed(relay, values, message):
     assert str(caught.value) == message
 
 
+QUANTITY = "a number, with a unit if it has one, such as '-80 mm' or '0.1'"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -180,6 +183,10 @@ def test_wrong_values_are_listed(relay, values, message):
         ),
         ("load,zmp_y\n0,1\n0\n", "3:1: found 1 values; allowed: 2, as in the header"),
         ("load,zmp_y\n0,\n", "2:3: zmp_y: found nothing; allowed: a number"),
+        *(
+            (f"load\n{cell}\n", f"2:1: load: found '{cell}'; allowed: {QUANTITY}")
+            for cell in ("1_0", "\u0663", "1\u0663")
+        ),
         ("load\nnan\n", "2:1: load: found nan; allowed: finite numbers"),
         (
             "load,zmp_y\n0,1 deg\n",

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from circuitkit.base.errors import CircuitkitError, InputError, UnknownNameError
-from circuitkit.simulation import RunSpec, load_scenario, make_plan
+from circuitkit.simulation import RunSpec, load_scenario, make_plan, simulate
 from circuitkit.simulation.loop import run_loop
 from circuitkit.study import CaseBuilder, make_study, open_workers, run_cases, sweep
 from circuitkit.study.tuning.measure import Measure
@@ -150,3 +150,14 @@ def test_the_noise_in_a_circuit_follows_from_the_runs_seed_and_not_from_its_plac
         alone = [run_cases(study, [settings], [seed], workers)[0][0] for seed in range(3)]
     assert list(together) == alone
     assert len({outcome.values["furthest"] for outcome in together}) == 3
+
+
+def test_no_measure_has_the_name_of_another_column(tmp_path):
+    scenario = load_scenario("cartpole_balances").with_disturbances([]).model_copy(update={"duration": 0.1})
+    measured = simulate(scenario).measures.keys() | {"near"}
+    columns = set(sweep(make_study(POLE), tmp_path, workers=1, progress=False).table.column_names)
+    for name in sorted((columns | simulate(scenario).row().keys() | {"outcome"}) - measured):
+        measures = {"measures.near": "max(cart)", f"measures.{name}": "max(cart)"}
+        study = make_study({**POLE, "set": {"push": [PUSH], **measures}})
+        with pytest.raises(InputError, match=f"found a measure '{name}', which is a column of the results"):
+            sweep(study, tmp_path / name, workers=1, progress=False)

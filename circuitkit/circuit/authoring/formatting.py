@@ -36,7 +36,7 @@ from circuitkit.circuit.parts import FOLDER
 from circuitkit.circuit.spec import CircuitSpec, FileSpec
 
 WIDTH = 110
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _SECTIONS = tuple(FileSpec.model_fields)
 _NAMED = frozenset(("parameters", "inputs", "neurons", "outputs", "populations"))
 _LISTED = frozenset(("synapses", "projections"))

@@ -337,7 +337,7 @@ def _known(name: str, allowed: frozenset[str], kind: str, at: int) -> str:
     return name
 
 
-_NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,4})?")
+_NUMBER = re.compile(r"(?<![\w.])(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,4})?")
 _POWER = r"(?:\s*\^\s*-?\d(?!\w))?(?![\w(.])"
 _UNIT = re.compile(rf"\s*(?P<over>/\s*|1/)?(?P<symbol>[A-Za-z]+|%){_POWER}")
 _FURTHER_UNIT = re.compile(rf"\s*[*/]\s*(?P<symbol>[A-Za-z]+){_POWER}")

@@ -18,7 +18,7 @@ from circuitkit.circuit.expressions.expression import Expression
 
 NEURON_WORDS = ("activation",)
 SYNAPSE_WORDS = ("activation", "source", "weight")
-_PIECE = re.compile(r"(?P<word>[A-Za-z]+)(?:\^(?P<power>-?\d))?")
+_PIECE = re.compile(r"(?P<word>[A-Za-z]+)(?:\^(?P<power>-?[0-9]))?")
 
 
 def parse_unit_rule(text: str, words: Iterable[str]) -> tuple[UnitRule, Unit | None]:

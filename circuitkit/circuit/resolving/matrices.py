@@ -23,6 +23,7 @@ import numpy.typing as npt
 from circuitkit.base.archive import REAL, ArchiveError, open_archive
 from circuitkit.base.errors import CircuitkitError, InputError, MissingDependencyError, Problem, listing
 from circuitkit.base.reading import MIB, MOST_TABLE, decoded, open_file, read_text
+from circuitkit.base.tables import read_number
 from circuitkit.circuit.resolving import sparse
 from circuitkit.circuit.resolving.connectivity import Connections
 
@@ -115,10 +116,10 @@ def _header(path: Path) -> tuple[int, list[str] | None]:
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell)
+        read_number(cell)
     except ValueError:
         return False
-    return "_" not in cell
+    return True
 
 
 def _numbers(path: Path, begin: int) -> npt.NDArray[np.float64]:
@@ -271,7 +272,7 @@ def _edges(columns: Mapping[str, npt.NDArray[Any]], n_target: int, n_source: int
 
 def _check_shape(shape: tuple[int, ...], n_target: int, n_source: int) -> None:
     if shape != (n_target, n_source):
-        found = " x ".join(str(n) for n in shape)
+        found = " x ".join(str(n) for n in shape) or "one number"
         message = f"found a matrix of {found}; allowed: {n_target} x {n_source}, a row for every target"
         raise MatrixFileError(message)
 

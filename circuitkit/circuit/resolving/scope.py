@@ -50,7 +50,7 @@ WorkedT = TypeVar("WorkedT", Quantity, Amount)
 # Far beyond any use, and far from Python's limit of recursion.
 _LONGEST_CHAIN = 50
 _MOST_COMPARED = 20_000  # errors times names: with more, to look for what was meant each time takes seconds
-_MEMBER = re.compile(r"(?P<population>.*)\[(?P<member>\d+)\]")
+_MEMBER = re.compile(r"(?P<population>.*)\[(?P<member>[0-9]+)\]")
 NODE_SECTIONS = {"input": "inputs", "neuron": "neurons", "population": "populations", "output": "outputs"}
 
 

@@ -15,8 +15,8 @@ from circuitkit.base.errors import CircuitkitError, UnknownNameError
 from circuitkit.base.source import FileModel
 from circuitkit.base.source.fields import AnyQuantity
 from circuitkit.base.units import parse_quantity, parse_unit
+from circuitkit.simulation.measures import INVALID
 from circuitkit.study.results import Row
-from circuitkit.study.spec import INVALID
 from circuitkit.study.tuning.runs import Condition
 
 LIMIT = "limit"  # the figure that is no column

@@ -15,11 +15,11 @@ from circuitkit.base.reading import resolved
 from circuitkit.base.source import Data, Place, find_data_file, read_yaml
 from circuitkit.base.units import format_quantity
 from circuitkit.circuit import load_circuit
+from circuitkit.simulation.measures import CLAMPED, RMS
 from circuitkit.study.case_builder import CaseBuilder
 from circuitkit.study.cases import Case, plan_of
 from circuitkit.study.identity import Identity, identity_of
 from circuitkit.study.plain import plain
-from circuitkit.study.spec import CLAMPED, RMS
 from circuitkit.study.tuning.history import draw_history, write_table
 from circuitkit.study.tuning.lock import StudyLock
 from circuitkit.study.tuning.measure import Measure, Progress, Reporter
