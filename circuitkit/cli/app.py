@@ -18,7 +18,7 @@ app = typer.Typer(
     name="circuitkit",
     help="Neural circuits as data: check, draw and run them, alone or in closed loop with a simulated robot.",
     epilog="FILE and SCENARIO are paths, or names of shipped ones such as binn_lateral and nao_push. "
-    "Exit codes: 0 done, 1 the input is wrong, 2 wrong usage, 3 the run failed.",
+    "Exit codes: 0 done, 1 the input is wrong, 2 wrong usage, 3 the run failed, 130 Ctrl-C, 143 SIGTERM.",
     add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,

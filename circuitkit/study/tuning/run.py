@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from circuitkit.base.errors import CircuitkitError, InputError, Problem, UnitError, listing, suggest
-from circuitkit.base.files import make_folder
+from circuitkit.base.files import OutputError, make_folder
 from circuitkit.base.output_folder import one_run
 from circuitkit.base.reading import resolved
 from circuitkit.base.source import Data, Place, find_data_file, read_yaml
@@ -128,8 +128,8 @@ def tune(
     silence_optuna(verbose=verbose)
     search = _search(tuning, parts[TRAIN])
     total = search.rounded(trials or tuning.spec.trials)
-    make_folder(folder)
     place = Storage(storage or _database(folder), None if storage else folder)
+    make_folder(folder)
     own = (_DATABASE, f"{_DATABASE}-journal")
     with (
         one_run(folder, resumed=resume, own=own),
@@ -205,10 +205,20 @@ def _chosen(
 
 
 def _database(folder: Path) -> str:
-    """The URL of the database in a folder; any name of a folder can be in it."""
+    """The URL of the database in a folder.
+
+    Raises:
+        OutputError: The folder's name is no text, which SQLite's names are.
+    """
     from sqlalchemy import URL  # comes with Optuna
 
-    url = URL.create("sqlite", database=str(resolved(folder) / _DATABASE))
+    path = str(resolved(folder) / _DATABASE)
+    try:
+        path.encode()
+    except UnicodeEncodeError as error:
+        message = f"cannot write to '{path}': its name is not UTF-8, as that of a database must be"
+        raise OutputError(message) from error
+    url = URL.create("sqlite", database=path)
     return url.render_as_string(hide_password=False)
 
 

@@ -17,6 +17,7 @@ import pytest
 from small_tuning import make_runs_up, written
 
 from circuitkit.base.errors import CircuitkitError, InputError
+from circuitkit.base.files import OutputError
 from circuitkit.study.tuning import lock as lock_module
 from circuitkit.study.tuning import run
 from circuitkit.study.tuning.lock import StudyLock
@@ -183,6 +184,12 @@ def test_a_disk_that_is_full_is_told(study, tmp_path, monkeypatch):
     monkeypatch.setattr(sqlite3.dbapi2, "connect", small)
     with pytest.raises(StorageError, match="no space left on the device; make room, then --resume"):
         tune(study, tmp_path / "out", workers=1, trials=99, resume=True)
+
+
+def test_a_folder_whose_name_is_no_text_has_no_database(study, tmp_path):
+    with pytest.raises(OutputError, match="its name is not UTF-8, as that of a database must be"):
+        tune(study, tmp_path / os.fsdecode(b"\xff"), workers=1)
+    assert not (tmp_path / os.fsdecode(b"\xff")).exists()
 
 
 def test_no_password_is_shown(study, tmp_path):
