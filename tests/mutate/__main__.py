@@ -34,11 +34,12 @@ AREAS = {
             "tests/study/test_identity.py",
         ],
     ),
-    "store": (["circuitkit/study/store.py"], ["tests/study/test_sweep.py"]),
+    "store": (["circuitkit/study/store.py"], ["tests/study/test_store.py", "tests/study/test_sweep.py"]),
     "reading": (
         ["circuitkit/base/reading.py", "circuitkit/base/archive.py", "circuitkit/robots/mjcf_files.py"],
         [
             "tests/test_reading.py",
+            "tests/test_archive.py",
             "tests/torture/test_archives.py",
             "tests/circuit/test_matrix_files.py",
             "tests/robots/test_mjcf_files.py",
@@ -60,6 +61,7 @@ AREAS = {
             "tests/robots/test_commands.py",
             "tests/simulation/test_fallback.py",
             "tests/engine/test_state.py",
+            "tests/engine/test_dependence.py",
         ],
     ),
     "physics": (
