@@ -74,7 +74,7 @@ AREAS = {
     ),
     "tuning": (
         [f"circuitkit/study/tuning/{each}.py" for each in ("samplers", "storage", "lock")],
-        ["tests/study/tuning/test_search.py", "tests/study/tuning/test_storage.py"],
+        [f"tests/study/tuning/test_{each}.py" for each in ("samplers", "search", "storage")],
     ),
 }
 
