@@ -70,7 +70,7 @@ AREAS = {
     ),
     "processes": (
         ["circuitkit/study/processes.py", "circuitkit/study/batches.py", "circuitkit/base/signals.py"],
-        ["tests/study/test_workers.py", "tests/study/test_cluster.py", "tests/test_files.py"],
+        ["tests/study/test_processes.py", "tests/study/test_batches.py", "tests/test_files.py"],
     ),
     "tuning": (
         [f"circuitkit/study/tuning/{each}.py" for each in ("samplers", "storage", "lock")],
