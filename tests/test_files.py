@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
@@ -15,10 +16,12 @@ from pathlib import Path
 import pytest
 
 from circuitkit.base import files
+from circuitkit.base.errors import InputError
 from circuitkit.base.files import (
     SEAL,
     DamagedFileError,
     OutputError,
+    make_folder,
     replacing,
     scratch,
     seal,
@@ -141,6 +144,39 @@ def test_a_file_is_on_the_disk_before_it_has_its_name_and_then_the_name_is(tmp_p
     monkeypatch.setattr(Path, "replace", renamed)
     write_text(tmp_path / "f", "text")
     assert done == ["file", "renamed", "folder"]
+
+
+@pytest.mark.parametrize(
+    ("number", "is_told"), [(errno.EINVAL, False), (errno.ENOTSUP, False), (errno.EIO, True)]
+)
+def test_a_disk_that_fails_is_told_and_a_file_system_without_sync_is_not(
+    tmp_path, monkeypatch, number, is_told
+):
+    def fails(_: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fsync", fails)
+    path = tmp_path / "f"
+    if not is_told:
+        write_text(path, "text")
+        return
+    with pytest.raises(OutputError) as caught:
+        write_text(path, "text")
+    assert str(caught.value) == f"cannot write '{path}': {os.strerror(number)}"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for folder in (tmp_path / "file", tmp_path / "file" / "a"):
+        with pytest.raises(OutputError) as caught:
+            make_folder(folder)
+        assert str(caught.value) == f"cannot write to '{folder}': 'file' is no folder"
+
+
+def test_a_result_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(InputError, match=r": there is no such file; allowed: what was written here$"):
+        verified(tmp_path / "f", "")
 
 
 def test_threads_that_write_the_same_file_do_not_disturb_each_other(tmp_path):
@@ -266,6 +302,8 @@ def test_a_temporary_name_that_somebody_has_is_not_taken(tmp_path, monkeypatch, 
 def test_nothing_stays_open(tmp_path):
     write_text(tmp_path / "f", "")
     before = list(Path("/proc/self/fd").iterdir())
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / ".circuitkit-0123abcd.part").write_text("killed", encoding="utf-8")
     write_text(tmp_path / "a" / "f", "")
     write_text(tmp_path / "f", "")
     assert len(list(Path("/proc/self/fd").iterdir())) == len(before)

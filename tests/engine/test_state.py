@@ -57,6 +57,9 @@ BAD = {
     "found delayed values of 0 memories; allowed: 1, as many as the circuit has": spoilt(
         histories=lambda _: ()
     ),
+    "found delayed values of 3 memories; allowed: 1, as many as the circuit has": spoilt(
+        histories=lambda s: s.histories * 3
+    ),
     "found seed of shape (1,); allowed: (2,)": spoilt(seed=lambda s: s.seed[:1]),
     "found seed of int64; allowed: uint64": spoilt(seed=lambda s: s.seed.astype(np.int64)),
     "found time -1; allowed: a whole number of control steps from 0": spoilt(time=lambda _: -1),

@@ -180,6 +180,14 @@ SECOND = (
 )
 
 
+def test_a_pair_of_other_bodies_keeps_its_friction(tmp_path):
+    pairs = '<contact><pair geom1="floor" geom2="g"/><pair geom1="floor" geom2="h"/></contact>'
+    robot = block(tmp_path, more=SECOND.format(""), end=pairs)
+    model = build_model(robot, [Body(body="b", friction=0.1).change]).model
+    np.testing.assert_array_equal(model.pair_friction[:, 0], [0.1, 1.0])
+    np.testing.assert_array_equal(model.pair_friction[:, 1:3], [[0.1, 0.005], [1.0, 0.005]])
+
+
 def test_other_bodies_keep_their_friction(tmp_path):
     robot = block(tmp_path, more=SECOND.format(""))
     moved = run(robot, disturbances=[Body(body="b", friction=0.01)]).qpos[-1, 0]
