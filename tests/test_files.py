@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
+import secrets
 import signal
 import stat
 import subprocess
@@ -13,7 +15,19 @@ from pathlib import Path
 
 import pytest
 
-from circuitkit.base.files import SEAL, DamagedFileError, OutputError, replacing, seal, verified, write_text
+from circuitkit.base import files
+from circuitkit.base.errors import InputError
+from circuitkit.base.files import (
+    SEAL,
+    DamagedFileError,
+    OutputError,
+    make_folder,
+    replacing,
+    scratch,
+    seal,
+    verified,
+    write_text,
+)
 
 _IMPORTS = "from pathlib import Path; from circuitkit.base.files import write_text"
 
@@ -79,9 +93,13 @@ def test_a_full_disk_is_named():
         write_text(Path("/dev/full"), "text")
 
 
-def test_what_is_no_regular_file_is_written_directly():
-    write_text(Path("/dev/null"), "text")
-    assert not Path("/dev/null").is_file()
+def test_what_is_no_regular_file_is_written_directly(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    opened = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_text(tmp_path / "pipe", "text")
+    assert os.read(opened, 9) == b"text"
+    os.close(opened)
+    assert (tmp_path / "pipe").is_fifo()
 
 
 def test_text_is_utf_8_with_plain_line_ends_whatever_the_locale(tmp_path):
@@ -126,6 +144,39 @@ def test_a_file_is_on_the_disk_before_it_has_its_name_and_then_the_name_is(tmp_p
     monkeypatch.setattr(Path, "replace", renamed)
     write_text(tmp_path / "f", "text")
     assert done == ["file", "renamed", "folder"]
+
+
+@pytest.mark.parametrize(
+    ("number", "is_told"), [(errno.EINVAL, False), (errno.ENOTSUP, False), (errno.EIO, True)]
+)
+def test_a_disk_that_fails_is_told_and_a_file_system_without_sync_is_not(
+    tmp_path, monkeypatch, number, is_told
+):
+    def fails(_: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fsync", fails)
+    path = tmp_path / "f"
+    if not is_told:
+        write_text(path, "text")
+        return
+    with pytest.raises(OutputError) as caught:
+        write_text(path, "text")
+    assert str(caught.value) == f"cannot write '{path}': {os.strerror(number)}"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for folder in (tmp_path / "file", tmp_path / "file" / "a"):
+        with pytest.raises(OutputError) as caught:
+            make_folder(folder)
+        assert str(caught.value) == f"cannot write to '{folder}': 'file' is no folder"
+
+
+def test_a_result_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(InputError, match=r": there is no such file; allowed: what was written here$"):
+        verified(tmp_path / "f", "")
 
 
 def test_threads_that_write_the_same_file_do_not_disturb_each_other(tmp_path):
@@ -211,6 +262,65 @@ def test_files_of_others_that_look_like_ours_stay(tmp_path):
         (tmp_path / name).write_text("", encoding="utf-8")
     write_text(tmp_path / "f", "text")
     assert len(list(tmp_path.iterdir())) == 5
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs locks")
+@pytest.mark.parametrize("is_folder", [False, True])
+def test_what_is_being_written_is_locked_and_what_is_not_is_a_left_over(tmp_path, is_folder):
+    fcntl = pytest.importorskip("fcntl")
+    (tmp_path / ".circuitkit-0123abcd.part.txt").write_text("killed", encoding="utf-8")
+    (tmp_path / ".circuitkit-89ef0123.part").mkdir()
+    (tmp_path / ".circuitkit-89ef0123.part" / "program.c").write_text("killed", encoding="utf-8")
+    (tmp_path / ".circuitkit-0000abcd.part").symlink_to(tmp_path / "notes")
+    (tmp_path / "notes").write_text("mine", encoding="utf-8")
+    with scratch(tmp_path, ".txt", is_folder=is_folder) as made:
+        assert re.fullmatch(r"\.circuitkit-[0-9a-f]{8}\.part\.txt", made.name)
+        assert sorted(tmp_path.iterdir()) == sorted(
+            [made, tmp_path / "notes", tmp_path / ".circuitkit-0000abcd.part"]  # a link is nobody's left-over
+        )
+        if is_folder:
+            assert made.stat().st_mode & 0o777 == 0o700
+        opened = os.open(made, os.O_RDONLY)
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(opened, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        os.close(opened)
+        files._take_away_leftovers.cache_clear()
+        write_text(tmp_path / "f", "")
+        assert made.exists()
+    assert not made.exists()
+
+
+@pytest.mark.parametrize("is_folder", [False, True])
+def test_a_temporary_name_that_somebody_has_is_not_taken(tmp_path, monkeypatch, is_folder):
+    names = iter(["01234567", "01234567", "89abcdef"])
+    monkeypatch.setattr(secrets, "token_hex", lambda _: next(names))
+    with scratch(tmp_path) as first, scratch(tmp_path, is_folder=is_folder) as second:
+        assert (first.name, second.name) == (".circuitkit-01234567.part", ".circuitkit-89abcdef.part")
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs the files of proc(5)")
+def test_nothing_stays_open(tmp_path):
+    write_text(tmp_path / "f", "")
+    before = list(Path("/proc/self/fd").iterdir())
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / ".circuitkit-0123abcd.part").write_text("killed", encoding="utf-8")
+    write_text(tmp_path / "a" / "f", "")
+    write_text(tmp_path / "f", "")
+    assert len(list(Path("/proc/self/fd").iterdir())) == len(before)
+
+
+def test_a_file_without_a_seal_is_told_from_a_damaged_one(tmp_path):
+    path = tmp_path / "f"
+    path.write_text("nothing", encoding="utf-8")
+    with pytest.raises(DamagedFileError) as caught:
+        verified(path, "make it again")
+    assert str(caught.value) == f"'{path}' is damaged: it has no checksum; make it again"
+    path.write_text(f"{SEAL} {SEAL}", encoding="utf-8")
+    with pytest.raises(DamagedFileError) as caught:
+        verified(path, "make it again")
+    assert str(caught.value) == (
+        f"'{path}' is damaged: its bytes are not those that were written; make it again"
+    )
 
 
 def test_each_flipped_bit_of_a_sealed_file_is_told(tmp_path):

@@ -74,6 +74,37 @@ def test_a_run_that_fails_half_way_owns_what_it_wrote(tmp_path):
     assert names(tmp_path) == ["d", MANIFEST]
 
 
+def test_the_list_of_files_has_their_checksums(tmp_path):
+    with one_run(tmp_path):
+        write_text(tmp_path / "é", "abc")  # the sum is that of FIPS 180-2
+    assert (tmp_path / MANIFEST).read_text(encoding="utf-8") == (
+        '{\n "format": 1,\n "files": {\n'
+        '  "é": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"\n }\n}\n'
+    )
+
+
+def test_files_that_a_run_knows_of_itself_are_not_listed(tmp_path, caplog):
+    run(tmp_path, "db", own=["db"])  # nothing else: there is no list, before and afterwards
+    assert names(tmp_path) == ["db"]
+    run(tmp_path, "a", "db", own=["db"])
+    assert set(json.loads((tmp_path / MANIFEST).read_text(encoding="utf-8"))["files"]) == {"a"}
+    run(tmp_path, "db", own=["db"])
+    assert names(tmp_path) == ["db"]
+    assert not caplog.messages
+
+
+def test_folders_in_the_folder_may_be_of_other_runs(tmp_path, caplog):
+    (tmp_path / ".hidden").write_text("", encoding="utf-8")
+    (tmp_path / "other").mkdir()
+    run(tmp_path, "a", "sub/b", deep=False)
+    assert set(json.loads((tmp_path / MANIFEST).read_text(encoding="utf-8"))["files"]) == {"a"}
+    run(tmp_path, "c", deep=False)
+    assert names(tmp_path) == [".hidden", "c", MANIFEST, "sub/b"]
+    assert not caplog.messages
+    run(tmp_path, "c")
+    assert caplog.messages == [f"'{tmp_path}' also holds what this run did not write: other, sub"]
+
+
 def test_a_run_that_goes_on_keeps_what_is_there(tmp_path, caplog):
     run(tmp_path, "a", "b")
     run(tmp_path, "c", resumed=True)
@@ -89,7 +120,7 @@ def test_a_run_that_goes_on_keeps_what_is_there(tmp_path, caplog):
         "{",
         '{"files": 3}',
         '{"files": {"../outside": "SUM"}}',
-        '{"files": {"/etc/hostname": "SUM"}}',
+        '{"files": {"OUTSIDE": "SUM"}}',
     ],
 )
 def test_a_list_that_nobody_here_wrote_removes_nothing(tmp_path, text, caplog):
@@ -98,7 +129,8 @@ def test_a_list_that_nobody_here_wrote_removes_nothing(tmp_path, text, caplog):
     folder.mkdir()
     (folder / "link").symlink_to(outside)
     empty = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
-    (folder / MANIFEST).write_text(text.replace("SUM", empty), encoding="utf-8")
+    text = text.replace("SUM", empty).replace("OUTSIDE", str(outside))
+    (folder / MANIFEST).write_text(text, encoding="utf-8")
     run(folder, "a")
     assert outside.exists()
     assert caplog.messages == [f"'{folder}' also holds what this run did not write: link"]
@@ -110,10 +142,11 @@ def test_pipes_in_the_folder_are_not_waited_at(tmp_path, caplog):
     for name in (MANIFEST, "b"):
         (tmp_path / name).unlink()
         os.mkfifo(tmp_path / name)
-    with pytest.raises(
-        OutputError, match=r"files\.json': it is no regular file; take it away, or name another"
-    ):
+    with pytest.raises(OutputError) as caught:
         run(tmp_path, "a")
+    assert str(caught.value) == (
+        f"cannot write '{tmp_path / MANIFEST}': it is no regular file; take it away, or name another folder"
+    )
     (tmp_path / MANIFEST).unlink()
     (tmp_path / MANIFEST).write_text('{"format": 1, "files": {"b": ""}}', encoding="utf-8")
     run(tmp_path, "a")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
 import time
@@ -16,6 +17,7 @@ from circuitkit.base.errors import CircuitkitError, InputError, Problem
 from circuitkit.base.files import OutputError, make_folder, write_text
 from circuitkit.base.output_folder import one_run
 from circuitkit.base.reading import (
+    MIB,
     checksum_of,
     environment,
     not_a_name,
@@ -360,3 +362,86 @@ def test_checksums_are_of_regular_files():
     os.mkfifo("p")
     with pytest.raises(InputError, match="found a named pipe; allowed: a file"):
         checksum_of("p", "a file")
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("a named pipe", "odd.yaml:1:1: found a named pipe; allowed: a text"),
+        ("a device", "/dev/zero:1:1: found a device; allowed: a text"),
+        ("a folder", "odd.yaml:1:1: found a folder; allowed: a text"),
+        ("a circle of links", f"odd.yaml:1:1: cannot be read: {os.strerror(errno.ELOOP)}; allowed: a text"),
+        ("a socket", "odd.yaml:1:1: cannot be read: it is a socket or a device; allowed: a text"),
+        ("nothing", "odd.yaml:1:1: there is no such file; allowed: a text"),
+    ],
+)
+def test_what_cannot_be_read_is_said_word_for_word(kind, message):
+    with pytest.raises(InputError) as caught:
+        read_text(odd_file(kind), "a text")
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("texx.yaml", "text.yaml"), ("texx.yml", "text.yaml"), ("text_yaml", "text.yaml"), ("texx.csv", "text.csv"), ("texx.xml", "")],
+)  # fmt: skip
+def test_a_file_that_is_not_there_may_be_one_beside_it_of_the_same_kind(name, meant):
+    for other in ("text.yaml", "text.csv"):
+        Path(other).write_text("")
+    with pytest.raises(InputError) as caught:
+        read_text(name, "a text")
+    assert caught.value.problems[0].hint == (f"did you mean '{meant}'?" if meant else "")
+
+
+def test_a_file_may_be_as_large_as_is_allowed_and_no_larger():
+    Path("f").write_bytes(b"ab" * MIB)
+    assert len(read_bytes("f", "a text", 2 * MIB)) == 2 * MIB
+    with pytest.raises(InputError) as caught:
+        read_bytes("f", "a text", 2 * MIB - 2**19)
+    assert str(caught.value) == "f:1:1: found a file of 2 MiB; allowed: a text of up to 1.5 MiB"
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the files of proc(5)")
+def test_a_file_that_says_it_is_empty_is_read_as_far_as_is_allowed():
+    assert read_bytes("/proc/self/status", "a text").endswith(b"\n")
+    whole = len(read_bytes("/proc/version", "a text"))
+    assert len(read_bytes("/proc/version", "a text", whole)) == whole
+    with pytest.raises(InputError, match=r"larger than it says; allowed: a text of up to [\de.-]+ MiB$"):
+        read_bytes("/proc/version", "a text", whole - 1)
+    with pytest.raises(InputError, match=r"^/proc/self/mem:1:1: cannot be read: .*; allowed: a text$"):
+        read_bytes("/proc/self/mem", "a text")
+    with pytest.raises(InputError, match=r"^/proc/self/mem:1:1: cannot be read: .*; allowed: a text$"):
+        checksum_of("/proc/self/mem", "a text")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"ab\n\xffc", "2:1: found the byte 0xff, which is no UTF-8; allowed: a text file in UTF-8"),
+        ("x".encode("utf-16"), "1:1: found the byte 0xff, which is no UTF-8; allowed: a text file in UTF-8; it may be UTF-16: save it as UTF-8"),
+        (b"ab\nc\x1b", "2:2: found the control character U+001B; allowed: printable text"),
+        (b"a\x7f", "1:2: found the control character U+007F; allowed: printable text"),
+        ("a\x80".encode(), "1:2: found the control character U+0080; allowed: printable text"),
+        ("a\x9f".encode(), "1:2: found the control character U+009F; allowed: printable text"),
+        ("a\xad".encode(), "1:2: found the invisible character U+00AD; allowed: printable text"),
+        ("\ufeffa\u200b".encode(), "1:2: found the invisible character U+200B; allowed: printable text"),
+    ],
+)  # fmt: skip
+def test_what_is_no_text_is_told_with_its_place(content, message):
+    Path("f").write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        read_text("f", "a text")
+    assert str(caught.value) == f"f:{message}"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("n" * 200, ""),
+        ("n" * 201, "found a name of 201 characters; allowed: up to 200"),
+        ("a\tb", "found the control character U+0009 in a name; allowed: printable text on one line"),
+        ("a\u2028b", "found the invisible character U+2028 in a name; allowed: printable text on one line"),
+    ],
+)
+def test_what_is_wrong_with_a_name_is_said(name, message):
+    assert not_a_name(name) == message

@@ -30,3 +30,13 @@ def test_a_column_of_floats_looks_like_one_in_every_line():
     assert text == "a\n0.0\n-1.0\n1e+22\n2.3e-20\nNaN\ninf\n"
     for line in range(2, 8):
         assert pd.read_csv(io.StringIO("\n".join(text.splitlines()[:line])))["a"].dtype == np.float64
+
+
+def test_columns_are_equally_long():
+    with pytest.raises(ValueError, match="shorter"):
+        list(csv_lines({"a": np.zeros(3), "b": np.zeros(2)}))
+
+
+def test_a_long_table_has_every_line_once():
+    text = "".join(csv_lines({"a": np.arange(10_000)}))
+    assert text == "a\n" + "".join(f"{i}.0\n" for i in range(10_000))

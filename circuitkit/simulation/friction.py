@@ -135,7 +135,10 @@ def _touch(a: _Surface, b: _Surface) -> _Touch:
 def _surfaces(model: mujoco.MjModel) -> list[_Surface]:
     """All geoms, then all flexes."""
     found = []
-    for kind, count in (("geom", model.ngeom), ("flex", model.nflex)):
+    for kind, sort, count in (
+        ("geom", mujoco.mjtObj.mjOBJ_GEOM, model.ngeom),
+        ("flex", mujoco.mjtObj.mjOBJ_FLEX, model.nflex),  # has no `model.flex(i)`
+    ):
         arrays = {name: getattr(model, f"{kind}_{name}") for name in _ARRAYS}
         for i in range(count):
             kinds = (
@@ -144,7 +147,7 @@ def _surfaces(model: mujoco.MjModel) -> list[_Surface]:
             )
             found.append(
                 _Surface(
-                    name=getattr(model, kind)(i).name or f"{kind} {i}",
+                    name=mujoco.mj_id2name(model, int(sort), i) or f"{kind} {i}",
                     body=int(model.geom_bodyid[i]) if kind == "geom" else -1,
                     kinds=kinds,
                     **{name: values[i, ...] for name, values in arrays.items()},

@@ -100,6 +100,7 @@ def test_two_synapses_of_different_models_may_connect_the_same_neurons():
         ("weight: 10 nS", "weight: 10 nA", "f.yaml:23:30: synapses[3].weight: found 10 nA (current); allowed: "),
         ("weight: 10 nS", "weight: -10 nS", "f.yaml:23:30: synapses[3].weight: found -10 nS; allowed: a positive weight, as the model conductance needs"),
         ("a, to: c,", "a, to: b,", "f.yaml:23:19: synapses[3].to: the synapse model conductance reads the state v of its target, but the model sigmoid of b has none; allowed: a neuron whose model has it"),
+        ("weight: 2 mm", "weight: 2 mm, model: hebbian, rate: 1 mm, low: 0, high: 1 mm", "f.yaml:24:69: synapses[4].low: found 0 (dimensionless); allowed: length, such as '1 mm', since low is in weight; did you mean '0 mm'?"),
         ("rate: 1 %", "rate: 1 mm", "f.yaml:25:57: synapses[5].rate: found 1 mm (length); allowed: a number without unit, since rate is in weight/source"),
         ("low: 0, high: 1", "low: 1, high: 0", "f.yaml:25:67: synapses[5].low: found low 1 and high 0; allowed: low below high"),
         ("weight: 2 mm", "weight: 2", "f.yaml:24:30: synapses[4].weight: found 2 (dimensionless); allowed: length, such as '1 mm', since the activation of r is in mm and c is dimensionless; did you mean '2 mm'?"),

@@ -242,6 +242,19 @@ def test_an_output_that_adds_up_cannot_feed_an_input():
     ]
 
 
+def test_an_output_that_reads_a_population_cannot_feed_an_input():
+    write(
+        "inner.yaml",
+        INNER.replace(
+            "synapses:", "populations: {z: {size: 2, model: identity, role: excitatory}}\nsynapses:"
+        ).replace("readout: {q: w}", "readout: {z: w}"),
+    )
+    assert (
+        "outer.yaml:6:47: include[1].inputs.load.a.roll: found 'a.roll', an output that reads the population z; "
+        "allowed: outputs that read single neurons"
+    ) in errors(with_entry("as: a", "as: b, inputs: {load: {a.roll: 1 /deg}}"))
+
+
 def test_a_mistake_inside_says_which_instance():
     write("inner.yaml", INNER.replace("lf, to: q, weight: -1 m", "lf, to: q, weight: -1"))
     assert errors(with_entry("as: a", "as: b"))[0] == (

@@ -1,5 +1,7 @@
 """Sparse matrices of any numbers: what is accepted is what scipy makes of it, and nothing crashes."""
 
+# ruff: noqa: E501 - messages stand here as they stand on the screen
+
 from __future__ import annotations
 
 import io
@@ -46,9 +48,48 @@ def test_every_format_is_read(form, kind, number, compressed):
     np.testing.assert_array_equal(table_of(Path("w.npz")), table)
 
 
-def test_blocks_are_read():
-    sparse.save_npz("w.npz", sparse.bsr_matrix(W, blocksize=(1, 2)))
+@pytest.mark.parametrize("size", [(1, 2), (3, 1), (3, 2), (1, 4), (3, 4)])
+def test_blocks_are_read(size):
+    sparse.save_npz("w.npz", sparse.bsr_matrix(W, blocksize=size))
     np.testing.assert_array_equal(table_of(Path("w.npz")), W)
+
+
+@pytest.mark.parametrize("number", ["i1", "u1", ">i2", "i4", "u8"])
+@pytest.mark.parametrize("form", ["csr", "csc", "coo", "bsr"])
+def test_indices_may_be_of_the_smallest_type_that_holds_them(form, number):
+    table = np.zeros((4, 300 if form == "bsr" else 100))
+    table[0, 5], table[3, -1] = 1, 2
+    matrix = sparse.bsr_matrix(table, blocksize=(2, 10)) if form == "bsr" else sparse.csr_matrix(table)
+    parts = ("row", "col") if form == "coo" else ("indices", "indptr")
+    found = {name: getattr(matrix.asformat(form), name).astype(number) for name in parts}
+    np.savez("w.npz", format=form, shape=table.shape, data=matrix.asformat(form).data, **found)
+    (indptr, sources), weights = read_matrix(Path("w.npz"), *table.shape)
+    read = sparse.csr_matrix((weights, sources, indptr), shape=table.shape)
+    np.testing.assert_array_equal(read.toarray(), table)
+
+
+@pytest.mark.parametrize(
+    ("form", "arrays", "message"),
+    [
+        ("lil", {}, "found a matrix in the format 'lil'; allowed: csr, csc, coo, bsr, dia"),
+        ("bsr", {"data": np.ones((1, 2, 4))}, "found blocks of 2 x 4; allowed: blocks that fill 3 x 4"),
+        ("bsr", {"data": np.ones((1, 3, 3))}, "found blocks of 3 x 3; allowed: blocks that fill 3 x 4"),
+        ("bsr", {"data": np.ones((0, 0, 2))}, "found blocks of 0 x 2; allowed: blocks that fill 3 x 4"),
+        ("bsr", {"data": np.ones((0, 3, 0))}, "found blocks of 3 x 0; allowed: blocks that fill 3 x 4"),
+        ("coo", {"data": np.ones(1), "row": [3], "col": [0]}, "found 3 in 'row'; allowed: 0 to 2"),
+        ("coo", {"data": np.ones(1), "row": [0], "col": [-1]}, "found -1 in 'col'; allowed: 0 to 3"),
+        ("dia", {"data": np.ones((1, 4)), "offsets": [4]}, "found diagonals that are not there, or twice; allowed: -2 to 3"),
+        ("dia", {"data": np.ones((1, 4)), "offsets": [-3]}, "found diagonals that are not there, or twice; allowed: -2 to 3"),
+        ("dia", {"data": np.ones((2, 4)), "offsets": [1, 1]}, "found diagonals that are not there, or twice; allowed: -2 to 3"),
+        ("csc", {"data": np.ones(1), "indices": [0], "indptr": [0, 1]}, "found 2 numbers in 'indptr'; allowed: 5"),
+        ("csc", {"data": np.ones(2), "indices": [0], "indptr": [0, 1, 1, 1, 1]}, "found 'data' of the shape (2,); allowed: 1 axes, up to 1 numbers"),
+    ],
+)  # fmt: skip
+def test_arrays_that_do_not_belong_together_are_refused(form, arrays, message):
+    np.savez("w.npz", format=form, shape=SHAPE, **arrays)
+    with pytest.raises(MatrixFileError) as caught:
+        read_matrix(Path("w.npz"), *SHAPE)
+    assert str(caught.value) == f"cannot read 'w.npz': {message}"
 
 
 dtypes = st.sampled_from(["i1", "<i4", ">i4", "<i8", ">i8", "u4", "u8", "f8", "?", "c16", "U2"])

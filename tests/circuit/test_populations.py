@@ -291,11 +291,18 @@ def test_matrix_files_that_cannot_be_used(name, prepare, message):
         (TO_OFF, TO_OFF.replace("weight: 1", "wieght: 1"), "f.yaml:15:48: projections[1].wieght: unknown key 'wieght' for the model static; allowed: connect, delay, description, from, gate, kind, model, self, to, weight; did you mean 'weight'?"),
         (TO_OFF, TO_OFF.replace("to: off", "to: of"), "f.yaml:15:22: projections[1].to: unknown target 'of'; allowed: a neuron or a population: p, ring, off; did you mean 'off'?"),
         (TO_OFF, TO_OFF.replace("weight: 1", "weight: 1, gate: p"), "f.yaml:15:59: projections[1].gate: found a gate, but the model static has none; allowed: no key 'gate', or another model"),
+        ("readout: {ring: 1", "readout: {\"ring[x]\": 1", "f.yaml:18:28: outputs.y.readout.ring[x]: unknown neuron 'ring[x]'; allowed: a neuron: p, ring, off; a member is called by its number, such as ring[0]"),
         (TO_OFF, TO_OFF.replace("weight: 1", "weight: 1, delay: -1 ms"), "f.yaml:15:66: projections[1].delay: found -1 ms; allowed: 0 s or more"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named_with_its_place(old, new, message):
     assert message in errors(old, new)
+
+
+def test_a_delay_of_a_projection_between_steps_is_doubted():
+    Path("f.yaml").write_text(BASE.replace("weight: -1 mm", "weight: -1 mm, delay: 14 ms"), encoding="utf-8")
+    warning = "f.yaml:16:70: projections[2].delay: found 14 ms; it becomes 10 ms, a multiple of 10 ms"
+    assert warning in [str(each) for each in check("f.yaml")[1]]
 
 
 def test_the_readout_of_a_population_that_is_wrong_is_not_complained_about():
@@ -314,16 +321,22 @@ def test_too_many_neurons_are_refused_before_anything_is_allocated(monkeypatch):
     )
 
 
-def test_too_many_synapses_are_refused_before_anything_is_allocated(monkeypatch):
+@pytest.mark.parametrize(
+    ("weight", "need"),
+    [
+        ("weight: -1", "20 GB"),
+        ("weight: -1 - i", "60 GB"),
+        ("weight: -1, model: hebbian, rate: 0.01, low: -2, high: 0", "60 GB"),  # its state
+    ],
+)
+def test_too_many_synapses_are_refused_before_anything_is_allocated(monkeypatch, weight, need):
     monkeypatch.setattr(memory, "machine_bytes", lambda: 1_000_000_000)
     text = (
-        TO_OFF.replace("ring", "off")
-        .replace("all_to_all", "{probability: 0.5}")
-        .replace("weight: 1", "weight: -1")
+        TO_OFF.replace("ring", "off").replace("all_to_all", "{probability: 0.5}").replace("weight: 1", weight)
     )
     Path("f.yaml").write_text(BASE.replace(TO_OFF, text).replace("size: 8", "size: 100000"), encoding="utf-8")
     assert (
-        "found 5000000000 synapses, which need about 20 GB of memory (with the rest of the circuit 20 GB)"
+        f"found 5000000000 synapses, which need about {need} of memory (with the rest of the circuit {need})"
         in str(check("f.yaml")[0][0])
     )
 

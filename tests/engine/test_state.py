@@ -21,16 +21,17 @@ neurons:
 synapses:
   - {{from: u, to: {name}, weight: 1}}
   - {{from: {name}, to: b, weight: 1{delay}}}
-outputs: {{y: {{unit: "1", readout: {{b: 1}}}}}}
+outputs: {{{output}: {{unit: "1", readout: {{b: 1}}}}}}
 """
 HINT = "a state fits the circuit that it was made for"
 LINEAR = ", tau: 20 ms"
 
 
-def program_of(name="a", model="leaky_linear", more=LINEAR, delay=", delay: 30 ms", backend="numpy"):
-    return compile_circuit(
-        parse_circuit(TEXT.format(name=name, model=model, more=more, delay=delay)), backend=backend
-    )
+def program_of(
+    name="a", model="leaky_linear", more=LINEAR, delay=", delay: 30 ms", backend="numpy", output="y"
+):
+    text = TEXT.format(name=name, model=model, more=more, delay=delay, output=output)
+    return compile_circuit(parse_circuit(text), backend=backend)
 
 
 def spoilt(**changes):
@@ -56,6 +57,9 @@ BAD = {
     "found delayed values of 0 memories; allowed: 1, as many as the circuit has": spoilt(
         histories=lambda _: ()
     ),
+    "found delayed values of 3 memories; allowed: 1, as many as the circuit has": spoilt(
+        histories=lambda s: s.histories * 3
+    ),
     "found seed of shape (1,); allowed: (2,)": spoilt(seed=lambda s: s.seed[:1]),
     "found seed of int64; allowed: uint64": spoilt(seed=lambda s: s.seed.astype(np.int64)),
     "found time -1; allowed: a whole number of control steps from 0": spoilt(time=lambda _: -1),
@@ -63,7 +67,20 @@ BAD = {
     "found a state with other neurons than the circuit's; allowed: the same": (
         lambda _: program_of(name="other").initial_state(2)
     ),
+    "found a state with other outputs than the circuit's; allowed: the same": (
+        lambda _: program_of(output="z").initial_state(2)
+    ),
+    "found readout of shape (2, 2); allowed: (2, 1)": spoilt(readout=lambda _: np.zeros((2, 2))),
     "found nan as states of b.v of batch member 1; allowed: finite numbers": with_nan,
+    "found inf as readout of y of batch member 0; allowed: finite numbers": spoilt(
+        readout=lambda _: np.array([[np.inf], [0]])
+    ),
+    "found nan as activation of a of batch member 1; allowed: finite numbers": spoilt(
+        activation=lambda _: np.array([[0, 0], [np.nan, np.nan]])
+    ),
+    "found nan as histories[0] of batch member 1; allowed: finite numbers": spoilt(
+        histories=lambda s: (np.where(np.arange(2).reshape(2, 1, 1), np.nan, s.histories[0]),)
+    ),
 }  # fmt: skip
 
 
@@ -76,7 +93,7 @@ def test_a_state_that_does_not_fit_is_refused_and_nothing_of_it_is_taken(message
     before = stepper.state
     bad = BAD[message](before.copy())
     calls = [lambda: setattr(stepper, "state", bad), lambda: run(program, np.zeros((5, 2, 1)), bad)]
-    if "nan" not in message and "(3, 2)" not in message:
+    if "finite" not in message and "(3, 2)" not in message:
         calls.append(lambda: step(program, bad, np.zeros((2, 1))))
     for call in calls:
         with pytest.raises(InputError) as error:
@@ -102,7 +119,7 @@ def test_a_state_of_another_model_with_the_same_names_of_neurons_is_refused():
 
 def test_a_state_of_delays_of_other_neurons_is_refused():
     """As many memories, as deep, but of the outputs of others."""
-    text = TEXT.format(name="a", model="leaky_linear", more=LINEAR, delay=", delay: 30 ms")
+    text = TEXT.format(name="a", model="leaky_linear", more=LINEAR, delay=", delay: 30 ms", output="y")
     turned = text.replace("from: a, to: b", "from: b, to: a")
     with pytest.raises(InputError, match="found a state with other delays than the circuit's"):
         Stepper(program_of(), 2).state = compile_circuit(parse_circuit(turned), "numpy").initial_state(2)
@@ -142,7 +159,7 @@ def test_a_state_put_together_by_hand_is_known_by_its_shapes():
 
 
 def test_a_sweep_steps_a_state_of_its_own_size_only():
-    graph = parse_circuit(TEXT.format(name="a", model="leaky_linear", more=LINEAR, delay=""))
+    graph = parse_circuit(TEXT.format(name="a", model="leaky_linear", more=LINEAR, delay="", output="y"))
     sweep = compile_circuit([graph, graph], "numpy")
     other = compile_circuit(graph, "numpy").initial_state(3)
     for call in (

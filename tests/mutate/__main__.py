@@ -21,10 +21,61 @@ AREAS = {
         ["tests/circuit", "tests/mistakes", "tests/test_source.py"],
     ),
     "identity": (
-        ["circuitkit/study/identity.py", "circuitkit/study/plain.py", "circuitkit/study/cases.py"],
-        ["tests/study/test_spec.py", "tests/study/test_sweep.py", "tests/study/test_common_starts.py"],
+        [
+            "circuitkit/study/identity.py",
+            "circuitkit/study/plain.py",
+            "circuitkit/study/cases.py",
+            "circuitkit/robots/mjcf_identity.py",
+        ],
+        [
+            "tests/study/test_spec.py",
+            "tests/study/test_sweep.py",
+            "tests/study/test_common_starts.py",
+            "tests/study/test_identity.py",
+        ],
     ),
-    "store": (["circuitkit/study/store.py"], ["tests/study/test_sweep.py"]),
+    "store": (["circuitkit/study/store.py"], ["tests/study/test_store.py", "tests/study/test_sweep.py"]),
+    "reading": (
+        ["circuitkit/base/reading.py", "circuitkit/base/archive.py", "circuitkit/robots/mjcf_files.py"],
+        [
+            "tests/test_reading.py",
+            "tests/test_archive.py",
+            "tests/torture/test_archives.py",
+            "tests/circuit/test_matrix_files.py",
+            "tests/robots/test_mjcf_files.py",
+        ],
+    ),
+    "writing": (
+        ["circuitkit/base/files.py", "circuitkit/base/output_folder.py", "circuitkit/base/tables.py"],
+        ["tests/test_files.py", "tests/test_output_folder.py", "tests/test_tables.py"],
+    ),
+    "commands": (
+        [
+            "circuitkit/robots/limits.py",
+            "circuitkit/simulation/fallback.py",
+            "circuitkit/engine/dependence.py",
+            "circuitkit/engine/state.py",
+        ],
+        [
+            "tests/robots/test_limits.py",
+            "tests/robots/test_commands.py",
+            "tests/simulation/test_fallback.py",
+            "tests/engine/test_state.py",
+            "tests/engine/test_dependence.py",
+        ],
+    ),
+    "physics": (
+        ["circuitkit/robots/validity.py", "circuitkit/simulation/friction.py"],
+        ["tests/simulation/test_validity.py", "tests/simulation/test_friction.py"],
+    ),
+    "processes": (
+        ["circuitkit/study/processes.py", "circuitkit/study/batches.py", "circuitkit/base/signals.py"],
+        ["tests/study/test_processes.py", "tests/study/test_batches.py", "tests/test_files.py"],
+    ),
+    "tuning": (
+        [f"circuitkit/study/tuning/{each}.py" for each in ("samplers", "storage", "lock")],
+        [f"tests/study/tuning/test_{each}.py" for each in ("samplers", "search", "storage")],
+    ),
 }
 
 

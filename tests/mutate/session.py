@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import gc
 import os
 import sys
+import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Sequence
@@ -19,6 +21,8 @@ from mutate.mutants import Mutant
 
 _TESTS_S = 20.0  # for the tests of one mutant
 _STUCK_S = 60.0
+_TAKE_AWAY = frozenset({"os.rename", "os.remove", "os.rmdir", "os.chmod", "shutil.rmtree"})
+_MAY_CHANGE = (tempfile.gettempdir(), str(Path.home() / ".cache"))
 
 
 class Session:
@@ -75,9 +79,19 @@ def _tried(mutant: Mutant, items: Sequence[pytest.Item]) -> str:
 
     def work() -> bool:
         without_streams()
+        sys.addaudithook(_stay_in_our_folders)
         return _is_noticed(mutant, items)
 
     return "survived" if apart(work, _STUCK_S).value is False else "killed"
+
+
+def _stay_in_our_folders(event: str, arguments: tuple[object, ...]) -> None:
+    """Refuse to take away files of the machine, which changed code may do if the one who runs it is root."""
+    if event in _TAKE_AWAY:
+        paths = [str(each) for each in arguments[:2] if isinstance(each, str | os.PathLike)]
+        # Those that are not absolute are below the folder of a test.
+        if any(path.startswith("/") and not path.startswith(_MAY_CHANGE) for path in paths):
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), paths[-1])
 
 
 def _is_noticed(mutant: Mutant, items: Sequence[pytest.Item]) -> bool:

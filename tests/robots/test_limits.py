@@ -11,7 +11,7 @@ from small_robots import Told, robot_file, run, small_model, small_robot
 
 from circuitkit.base.errors import InputError
 from circuitkit.robots import Worlds, build_model, control_ranges, load_robot
-from circuitkit.robots.limits import Limits
+from circuitkit.robots.limits import Limits, TickLog, control_names
 
 # A joint of +-30 degrees with a position servo of gear 2 and an offset, a limited motor, and a free one.
 JOINTS = """
@@ -77,6 +77,44 @@ def test_each_control_is_cut_to_its_range_and_each_command_to_its_limits(model):
         "bend": cut, "spin_it": cut, "slow": never, "any_it": cut,
         "aim": cut, "spin": [False, True, False], "any": never,
     }  # fmt: skip
+
+
+def test_a_command_takes_part_in_a_control_that_is_cut(model):
+    """1 turns `aim` beyond its range, and -4 N m are within the command's limits, not within the motor's."""
+    limits = Limits(model, tuple(COMMANDS), 1, 0.01, model.held[np.newaxis])
+    limits(np.array([[1.0, -4.0, 0, 0]]), model.held[np.newaxis], ctrl := np.zeros((1, 3)))
+    np.testing.assert_allclose(ctrl, [[BEND, -3, 0]])
+    flags = zip(limits.cut.names, limits.cut.of(0, 1)[0], strict=True)
+    assert [name for name, is_cut in flags if is_cut] == ["bend", "spin_it", "aim", "spin"]
+
+
+def test_what_befell_a_robot_is_known_tick_by_tick():
+    log = TickLog(["a", "b"])
+    log.add(0, np.array([[True, False], [False, False]]))
+    log.add(2, np.array([[False, True], [False, True]]))
+    assert log.of(0, 3).tolist() == [[True, False], [False, False], [False, True]]
+    assert log.of(1, 2).tolist() == [[False, False], [False, False]]
+    assert log.shares(np.array([4, 2])).tolist() == [0.5, 0.0]
+    assert TickLog(["a"]).shares(np.array([4, 0])).tolist() == [0.0, 0.0]
+
+
+def test_a_servo_with_an_offset_reaches_the_ends_of_its_joint(tmp_path):
+    """At both ends of the joint, and with the controls at theirs, MuJoCo's own force is 0."""
+    offset = '<general name="aim" joint="bent" biastype="affine" gainprm="40" biasprm="8 -40 0" gear="-2"/>'
+    made = small_model(
+        tmp_path, JOINTS.replace('<position name="aim" joint="bent" kp="40" gear="2"/>', offset)
+    )
+    data = mujoco.MjData(made.model)
+    for ends in zip(control_ranges(made)[0][:1], control_ranges(made)[1][:1], strict=True):
+        for control, angle in zip(ends, np.radians([30, -30]), strict=True):
+            data.ctrl[0], data.qpos[0] = control, angle
+            mujoco.mj_forward(made.model, data)
+            assert data.actuator_force[0] == pytest.approx(0, abs=1e-12)
+
+
+def test_controls_are_called_as_their_actuators():
+    model = mujoco.MjModel.from_xml_string(JOINTS.replace('name="any" ', ""))
+    assert control_names(model) == ["aim", "spin", "actuator 2"]
 
 
 def test_a_rate_is_the_largest_change_of_a_control_step(model):

@@ -15,6 +15,7 @@ from circuitkit.circuit.load import parse_circuit
 from circuitkit.control import CircuitController, Interface
 from circuitkit.simulation import Scenario, simulate
 from circuitkit.simulation.disturbances.fault import Fault
+from circuitkit.simulation.fallback import Fallback, MissingCommands
 from circuitkit.simulation.reference import Motion, Reference
 
 FILE = {**CART_FILE, "commands": {**CART_FILE["commands"], "more": {"unit": "N", "to": {"motor": 0.5}}}}
@@ -92,6 +93,17 @@ def test_one_robot_of_a_batch_is_without_commands_and_the_others_do_not_notice(c
     alone = run(cart, blind(0), seeds=(1,), **fields)
     np.testing.assert_array_equal(both.qpos[:, 1], alone.qpos[:, 0])
     assert both.interventions(1)["fallback"]["force"] == (0.1, pytest.approx(0.2))
+
+
+@pytest.mark.parametrize("kind", ["hold", "zero", "open_loop"])
+def test_nothing_is_noted_of_a_robot_for_which_time_stands_still(kind):
+    missing = MissingCommands(Fallback(kind, 0.0), ["a", "b"], 2, 0.01)
+    commands = np.full((2, 2), np.nan)
+    missing(0, commands, np.array([True, False]))
+    assert not commands.any()
+    log, other = (missing.held, missing.replaced) if kind == "hold" else (missing.replaced, missing.held)
+    assert log.shares(np.array([1, 1])).tolist() == [0, 1]
+    assert other.shares(np.array([1, 1])).tolist() == [0, 0]
 
 
 def test_a_fallback_that_there_is_not(cart):

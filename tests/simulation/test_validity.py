@@ -12,7 +12,16 @@ import pytest
 from small_robots import CART, CART_FILE, small_model, small_robot
 
 from circuitkit.cli.main import main
-from circuitkit.robots.validity import KINDS, invalidates
+from circuitkit.robots.validity import (
+    KINDS,
+    bad_position,
+    bad_reading,
+    counts_by_kind,
+    describe_warning,
+    first_fault,
+    invalidates,
+    quiet_mujoco,
+)
 from circuitkit.simulation import Scenario, load_scenario, make_plan, simulate
 from circuitkit.simulation.disturbance import RunSpec
 from circuitkit.simulation.loop import run_and_watch, run_loop
@@ -44,6 +53,67 @@ def test_the_kinds_are_mujocos_own():
     assert [int(getattr(mujoco.mjtWarning, f"mjWARN_{kind}")) for kind in KINDS] == list(range(len(KINDS)))
     bad = {kind for kind in KINDS if invalidates(kind)}
     assert bad == {"BADQPOS", "BADQVEL", "BADQACC", "BADCTRL", "CONTACTFULL", "CNSTRFULL"}
+
+
+FREE = """
+<mujoco><worldbody><body><freejoint name="free"/><geom size=".1"/>
+  <body><joint name="hinge"/><geom size=".1"/></body></body></worldbody>
+  <actuator><motor name="m0" joint="hinge"/><motor name="m1" joint="hinge"/></actuator>
+  <sensor><jointpos name="s0" joint="hinge"/><jointvel name="s1" joint="hinge"/></sensor></mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "info", "said"),
+    [
+        ("BADQPOS", 0, "the position of joint 'free' is not finite, or beyond 1e+10 (BADQPOS)"),
+        ("BADQPOS", 6, "the position of joint 'free' is not finite, or beyond 1e+10 (BADQPOS)"),
+        ("BADQPOS", 7, "the position of joint 'hinge' is not finite, or beyond 1e+10 (BADQPOS)"),
+        ("BADQVEL", 5, "the velocity of joint 'free' is not finite, or beyond 1e+10 (BADQVEL)"),
+        ("BADQVEL", 6, "the velocity of joint 'hinge' is not finite, or beyond 1e+10 (BADQVEL)"),
+        ("BADQACC", 6, "the acceleration of joint 'hinge' is not finite, or beyond 1e+10 (BADQACC)"),
+        ("BADCTRL", 1, "the control of actuator 'm1' is not finite, or beyond 1e+10 (BADCTRL)"),
+    ],
+)
+def test_a_warning_names_the_part_that_it_is_about(kind, info, said):
+    model = mujoco.MjModel.from_xml_string(FREE)
+    assert describe_warning(model, KINDS.index(kind), info) == said
+
+
+def test_other_warnings_are_in_mujocos_words():
+    model = mujoco.MjModel.from_xml_string(FREE)
+    said = describe_warning(model, KINDS.index("CONTACTFULL"), 7)
+    own = mujoco.mju_warningText(KINDS.index("CONTACTFULL"), 7)
+    assert said == f"{own.rstrip('.')} (CONTACTFULL)"
+
+
+def test_the_first_fault_is_what_was_newly_warned_of_most_often_and_invalidates():
+    warned = np.zeros((len(KINDS), 2), dtype=np.int32)
+    for kind, info, count in (("BADQPOS", 7, 9), ("BADQVEL", 6, 3), ("BADQACC", 0, 5), ("INERTIA", 0, 99)):
+        warned[KINDS.index(kind)] = info, count
+    known = np.zeros(len(KINDS), dtype=np.int32)
+    known[KINDS.index("BADQPOS")] = 8
+    assert first_fault(mujoco.MjModel.from_xml_string(FREE), warned, known).startswith(
+        "the acceleration of joint 'free' is"
+    )
+    counts = counts_by_kind(warned[:, 1].astype(np.int64))
+    assert counts == {"INERTIA": 99, "BADQPOS": 9, "BADQVEL": 3, "BADQACC": 5}
+
+
+def test_what_is_no_number_is_named():
+    model = mujoco.MjModel.from_xml_string(FREE)
+    assert bad_position(model, 6) == "the position of joint 'free' is not finite"
+    assert bad_position(model, 7) == "the position of joint 'hinge' is not finite"
+    assert bad_reading(model, 1) == "the reading of sensor 's1' is not finite"
+
+
+def test_mujoco_itself_says_nothing():
+    config = mujoco.MjLogConfig.get()
+    config.logto_file = config.logto_console = True
+    config.set()
+    quiet_mujoco()
+    assert not mujoco.MjLogConfig.get().logto_file
+    assert not mujoco.MjLogConfig.get().logto_console
 
 
 def test_the_model_is_never_reset(tmp_path):

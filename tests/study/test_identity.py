@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import json
 import os
 import pickle
 import shutil
+import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,11 +25,11 @@ from circuitkit.base.units import parse_quantity
 from circuitkit.circuit import parse_circuit
 from circuitkit.robots import load_robot
 from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
-from circuitkit.robots.mjcf_identity import mjcf_files
+from circuitkit.robots.mjcf_identity import compiled_sum, mjcf_files
 from circuitkit.study import cases, make_study, open_workers, read_results, sweep
 from circuitkit.study.cases import plan_of
-from circuitkit.study.identity import Identity, Part, identity_of, unpacked, versions
-from circuitkit.study.plain import differences, digest, plain
+from circuitkit.study.identity import Identity, Part, identity_of, robot_parts, unpacked, versions
+from circuitkit.study.plain import _SI, differences, digest, plain
 from circuitkit.study.scheduler import CasesByCell
 from circuitkit.study.tuning import run as tuning_run
 from circuitkit.study.tuning.spec import TRAIN, load_tuning
@@ -512,6 +514,54 @@ def test_the_identity_of_many_tells_what_only_some_have():
     assert old.differences(None) == "what it was is not known in detail"
     fewer = identity_of({}, {}, [("a", parts(d={"w": 1}))])
     assert fewer.differences(old.as_json()) == "c is no longer used; d is new"
+
+
+def test_equal_plain_data_have_the_checksum_of_their_shortest_json():
+    """So a checksum of today is that of tomorrow: SHA-256 of a text, by any other program."""
+    data = {"ä": [1, 2.5, None], "a": {_SI: [0.2, "s"], "as": "200 ms"}}
+    text = '{"a":[0.2,"s"],"ä":[1,2.5,null]}'
+    assert digest(data) == hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def test_what_has_only_a_source_or_a_target_is_no_synapse():
+    for key in ("source", "target"):
+        old, new = ([{"name": "a", key: "s", "x": n}] for n in (1, 2))
+        assert list(differences({"n": old}, {"n": new})) == ["n[a].x was 1, is 2"]
+
+
+def test_texts_that_look_alike_where_they_are_cut_are_told_apart_as_they_are():
+    old, new = "é" * 70 + "1", "é" * 70 + "2"
+    assert list(differences({"a": old}, {"a": new})) == [f'a was "{old}", is "{new}"']
+
+
+def test_the_parts_of_a_robot_have_their_titles(lab):
+    robot = load_robot(lab / "robot" / "robot.yaml")
+    found = robot_parts(robot, "r/robot.yaml")
+    assert {kind: part.title for kind, part in found.items()} == {
+        "robot": "robot r/robot.yaml",
+        "MJCF": f"files of r/{robot.mjcf_path.name}",
+        "model": f"what MuJoCo compiles of r/{robot.mjcf_path.name}",
+    }
+    assert "mjcf" not in found["robot"].data
+    assert list(found["model"].data) == ["sha256"]
+
+
+def test_names_of_parts_are_a_part_of_what_mujoco_compiles(lab):
+    """Names are not among a model's numbers, and a formula may use them."""
+    robot = load_robot(lab / "robot" / "robot.yaml")
+    before = compiled_sum(robot.mjcf_path)
+    edited(lab / "robot" / "parts.xml", 'name="tip"', 'name="tap"')
+    assert compiled_sum(robot.mjcf_path) != before
+
+
+def test_the_version_of_python_counts_without_its_last_number():
+    assert versions()["python"] == f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
+def test_what_differs_only_in_words_of_others_is_told_as_other_runs():
+    old, new = identity_of({"a": 1}, {"tune": {}}, []), identity_of({"a": 2}, {"tune": {}}, [])
+    assert new.differences(old.as_json()) == "some of the runs are others"
+    assert new.differences({"digest": "0", "data": {}}) == "what it was is not known in detail"
 
 
 def test_six_differences_are_shown_and_the_others_counted():

@@ -8,12 +8,13 @@ import pickle
 
 import pytest
 
-from circuitkit.base.errors import InputError
+from circuitkit.base.errors import CircuitkitError, InputError
 from circuitkit.base.source import find_data_file, read_yaml, shipped_names
 from circuitkit.biped.gait.schedule import FOLDER as GAIT_FOLDER
 from circuitkit.control import load_controller
 from circuitkit.simulation import load_scenario
 from circuitkit.study import Case, CaseBuilder, Study, load_study, make_study
+from circuitkit.study.cases import Outcome
 from circuitkit.study.spec import FOLDER
 
 SMALL = {"study": "small", "scenario": "nao_push", "seeds": {"count": 2}}
@@ -227,6 +228,17 @@ def test_nothing_may_begin_after_the_end_of_the_runs():
         case({"push.start": "17 s"})
     jittered = {"push.start": "1 s", "jitter.start": "5 s"}  # by how much pushes differ, not when it begins
     assert case(jittered, watch="1 s").scenario.duration == pytest.approx(2.2)
+
+
+def test_a_measure_holds_if_it_is_true_or_false():
+    found = Outcome(0, {"survived": True, "sway": 0.5, "reached": None}, None)
+    assert found.survived
+    assert found.holds("reached") is None
+    with pytest.raises(CircuitkitError) as caught:
+        found.holds("sway")
+    assert str(caught.value) == (
+        "found the measure 'sway', which is a number; allowed: one that is true or false"
+    )
 
 
 def test_keys_are_equal_for_equal_runs_only():

@@ -264,7 +264,7 @@ class _Making:
     def _is_too_much(self, expected: float) -> bool:
         """Complain about synapses that do not fit into memory."""
         spec, model = self.item.spec, self.model
-        per_synapse = () if model.per == "target" else spec.values
+        per_synapse = () if model.per == "target" else spec.values.values()
         varied = [value for value in (spec.weight, *per_synapse) if not isinstance(value, int | float)]
         n_arrays = len(varied) + (len(model.states) if model.per == "synapse" else 0)
         complaint = self.budget.synapses(expected, n_arrays, self.target.size)

@@ -107,6 +107,7 @@ def _blocks(archive: Archive, shape: Shape) -> Entries:
         message = f"found blocks of {high} x {wide}; allowed: blocks that fill {shape[0]} x {shape[1]}"
         raise ArchiveError(message)
     starts, across = _compressed(archive, shape[0] // high, shape[1] // wide, shape[0] * shape[1])
+    across = across.astype(np.int64)  # their own type may not hold the columns that they stand for
     if len(data) != len(across):
         message = f"found {len(data)} blocks for {len(across)} indices; allowed: one for each"
         raise ArchiveError(message)

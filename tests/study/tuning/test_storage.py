@@ -20,6 +20,7 @@ from circuitkit.base.errors import CircuitkitError, InputError
 from circuitkit.base.files import OutputError
 from circuitkit.study.tuning import lock as lock_module
 from circuitkit.study.tuning import run
+from circuitkit.study.tuning import storage as storage_module
 from circuitkit.study.tuning.lock import StudyLock
 from circuitkit.study.tuning.measure import Measure
 from circuitkit.study.tuning.run import tune
@@ -63,6 +64,142 @@ def test_who_works_on_a_study_is_told_and_other_studies_go_on(study, tmp_path):
         with pytest.raises(StorageError, match=message):
             tune(study, tmp_path / "out", workers=1, storage=storage.url, resume=True)
     assert len(tune(study, tmp_path / "out", workers=1, storage=storage.url).history.trials) == 3
+
+
+@pytest.mark.parametrize(
+    ("in_folder", "said"),
+    [
+        (False, "{url} (last seen 0 s ago); wait for it, end it, or name another storage (--storage)"),
+        (True, "'{folder}' (last seen 0 s ago); wait for it, end it, or name another folder (--output)"),
+    ],
+)
+def test_a_lock_says_who_has_it_and_what_to_do(tmp_path, in_folder, said):
+    url = f"sqlite:///{tmp_path}/trials.db"
+    storage = Storage(url, tmp_path if in_folder else None)
+    with StudyLock(storage, "small") as lock:
+        lock.sign()
+        with pytest.raises(StorageError) as caught:
+            StudyLock(storage, "small").__enter__()
+    who = f"process {os.getpid()} on '{socket.gethostname()}' works on the study 'small' in "
+    assert str(caught.value) == who + said.format(url=url, folder=tmp_path)
+    with StudyLock(storage, "small"), sqlite3.connect(tmp_path / "trials.db") as database:
+        ((study, pid, born),) = database.execute("select study, pid, born from circuitkit_locks").fetchall()
+    stat = Path(f"/proc/{os.getpid()}/stat")
+    if stat.exists():  # proc(5): the 22nd field, after the name in brackets and the 3rd
+        assert born == stat.read_text(encoding="utf-8").rpartition(")")[2].split()[19]
+    assert (study, pid) == ("small", os.getpid())
+    with sqlite3.connect(tmp_path / "trials.db") as database:
+        assert database.execute("select count(*) from circuitkit_locks").fetchone() == (0,)
+
+
+def test_a_sign_of_life_is_given_now_and_then(tmp_path, monkeypatch):
+    storage = Storage(f"sqlite:///{tmp_path}/trials.db")
+
+    def seen() -> float:
+        with sqlite3.connect(tmp_path / "trials.db") as database:
+            return database.execute("select seen from circuitkit_locks").fetchone()[0]
+
+    with StudyLock(storage, "small") as lock:
+        first = seen()
+        assert abs(first - time.time()) < 60
+        lock.sign()
+        assert seen() == first
+        monkeypatch.setattr(lock_module, "_SIGN_S", 0.0)
+        lock.sign()
+        assert seen() > first
+
+
+def test_a_process_that_has_ended_has_no_time_of_birth():
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended_pid = ended.pid
+    deadline = time.monotonic() + 20
+    while lock_module._born(ended_pid) and time.monotonic() < deadline:  # a zombie until it is waited for
+        time.sleep(0.02)
+    assert lock_module._born(ended_pid) == ""
+    ended.wait()
+    assert lock_module._born(ended_pid) == ""
+    assert lock_module._born(os.getpid()) == lock_module._born(os.getpid()) != ""
+
+
+@pytest.mark.parametrize(
+    ("why", "said"),
+    [
+        (
+            "database is locked",
+            "is locked by another process for more than 10 min; end that one, then --resume",
+        ),
+        (
+            "database or disk is full",
+            "cannot be written: no space left on the device; make room, then --resume",
+        ),
+        (
+            "attempt to write a readonly database",
+            "cannot be written: attempt to write a readonly database; change its mode or that of its folder, "
+            "or name another one (--output)",
+        ),
+        (
+            "The runtime optuna version is no longer compatible",
+            "was made by another version of Optuna: `optuna storage upgrade --storage URL` converts it, or "
+            "begin anew in another folder (--output)",
+        ),
+        (
+            "no such table: trials",
+            "is a database, but none of this Optuna (no such table: trials); begin anew in another folder "
+            "(--output)",
+        ),
+        ("disk I/O error", "cannot be read or written: disk I/O error; see to the disk, then --resume"),
+        (
+            "database disk image is malformed",
+            "is damaged (database disk image is malformed); put a copy of it back, or begin anew in another "
+            "folder (--output)",
+        ),
+        ("something else", "cannot be used: something else"),
+    ],
+)
+def test_what_sqlite_says_is_told_with_what_to_do(tmp_path, monkeypatch, why, said):
+    monkeypatch.setattr(storage_module, "_PATIENCE_S", 0.0)
+    place = Storage(f"sqlite:///{tmp_path}/trials.db", tmp_path)
+
+    def work() -> None:
+        raise sqlite3.OperationalError(why)
+
+    with pytest.raises(StorageError) as caught:
+        storage_module.patiently(place, work)
+    assert str(caught.value) == f"the database of '{tmp_path}' {said}"
+
+
+def test_what_no_database_holds_is_damage_and_what_is_no_database_is_told():
+    place = Storage("sqlite:////none/such/x.db")
+
+    def missing() -> None:
+        key = "params"
+        raise KeyError(key)
+
+    with pytest.raises(StorageError) as caught:
+        storage_module.patiently(place, missing)
+    assert str(caught.value) == (
+        "the database sqlite:////none/such/x.db is damaged (the key 'params' is missing); put a copy of it "
+        "back, or begin anew in another storage (--storage)"
+    )
+    with pytest.raises(InputError) as wrong:
+        storage_module.opened(place)
+    assert str(wrong.value) == (
+        "--storage: cannot open 'sqlite:////none/such/x.db': unable to open database file; allowed: a URL "
+        "such as sqlite:///x.db"
+    )
+
+
+def test_work_is_done_again_while_somebody_else_has_the_database(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(storage_module, "_SAID_AFTER_S", -1.0)
+    tries = iter([sqlite3.OperationalError("database is locked")] * 2)
+
+    def work() -> int:
+        for error in tries:
+            raise error
+        return 7
+
+    assert storage_module.patiently(Storage("sqlite:///x.db", tmp_path), work) == 7
+    assert caplog.messages == [f"waiting for the database of '{tmp_path}': database is locked"]
 
 
 def test_the_lock_of_a_dead_process_is_taken_over(tmp_path):
