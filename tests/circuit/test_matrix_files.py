@@ -203,6 +203,14 @@ def test_a_header_is_not_believed(header):
         ("0,1,2,3\n1,,2,3\n", "found '' in 'w.csv', line 2, column 2; allowed: a finite number"),
         ('"","V1","V2"\n"1",0,1\n', "or a table of numbers alone, without names of rows and columns"),
         ("source,target\n", "found no numbers in 'w.csv'"),
+        (
+            "# a, b\n0,1,2,3\n# c, d\n1,x,2,3\n",
+            "found 'x' in 'w.csv', line 4, column 2; allowed: a finite number",
+        ),
+        (
+            "source,targt\n1,2\n",
+            "found the columns source, targt; allowed: source, target and, if it has one, weight",
+        ),
         ("", "found no numbers in 'w.csv'"),
         (
             "source,source,target\n1,1,1\n",
