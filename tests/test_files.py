@@ -75,7 +75,7 @@ def test_a_link_keeps_pointing_to_what_is_written(tmp_path):
 
 def test_a_folder_is_no_file(tmp_path):
     with pytest.raises(
-        OutputError, match=re.escape(f"cannot write '{tmp_path}': it is a folder; name a file in it")
+        OutputError, match=re.escape(f"cannot write '{tmp_path}': it is a folder; name a file in it") + "$"
     ):
         write_text(tmp_path, "text")
 

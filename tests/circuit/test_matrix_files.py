@@ -78,6 +78,8 @@ def test_indices_may_be_of_the_smallest_type_that_holds_them(form, number):
         ("bsr", {"data": np.ones((0, 3, 0))}, "found blocks of 3 x 0; allowed: blocks that fill 3 x 4"),
         ("coo", {"data": np.ones(1), "row": [3], "col": [0]}, "found 3 in 'row'; allowed: 0 to 2"),
         ("coo", {"data": np.ones(1), "row": [0], "col": [-1]}, "found -1 in 'col'; allowed: 0 to 3"),
+        ("coo", {"data": np.ones(1), "coords": [[0], [0], [0]]}, "found coordinates of 3 axes; allowed: 2"),
+        ("coo", {"data": np.ones(1), "row": [0], "col": [0, 1]}, "found 1 rows and 2 columns; allowed: one of each for every entry"),
         ("dia", {"data": np.ones((1, 4)), "offsets": [4]}, "found diagonals that are not there, or twice; allowed: -2 to 3"),
         ("dia", {"data": np.ones((1, 4)), "offsets": [-3]}, "found diagonals that are not there, or twice; allowed: -2 to 3"),
         ("dia", {"data": np.ones((2, 4)), "offsets": [1, 1]}, "found diagonals that are not there, or twice; allowed: -2 to 3"),
@@ -90,6 +92,12 @@ def test_arrays_that_do_not_belong_together_are_refused(form, arrays, message):
     with pytest.raises(MatrixFileError) as caught:
         read_matrix(Path("w.npz"), *SHAPE)
     assert str(caught.value) == f"cannot read 'w.npz': {message}"
+
+
+def test_coordinates_may_be_one_array():
+    rows, columns = np.nonzero(W)
+    np.savez("w.npz", format="coo", shape=SHAPE, data=W[rows, columns], coords=[rows, columns])
+    np.testing.assert_array_equal(table_of(Path("w.npz")), W)
 
 
 dtypes = st.sampled_from(["i1", "<i4", ">i4", "<i8", ">i8", "u4", "u8", "f8", "?", "c16", "U2"])
@@ -203,6 +211,14 @@ def test_a_header_is_not_believed(header):
         ("0,1,2,3\n1,,2,3\n", "found '' in 'w.csv', line 2, column 2; allowed: a finite number"),
         ('"","V1","V2"\n"1",0,1\n', "or a table of numbers alone, without names of rows and columns"),
         ("source,target\n", "found no numbers in 'w.csv'"),
+        (
+            "# a, b\n0,1,2,3\n# c, d\n1,x,2,3\n",
+            "found 'x' in 'w.csv', line 4, column 2; allowed: a finite number",
+        ),
+        (
+            "source,targt\n1,2\n",
+            "found the columns source, targt; allowed: source, target and, if it has one, weight",
+        ),
         ("", "found no numbers in 'w.csv'"),
         (
             "source,source,target\n1,1,1\n",
