@@ -10,6 +10,7 @@ import os
 import signal
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from circuitkit.base.signals import BY_SIGNAL, tidied_up_when_ended, whole
 
 # One thread each for the libraries below numpy: the processes share the cores already.
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "BLIS", "VECLIB", "NUMEXPR")}
+_LOOK_S = 0.01
 _GRACE_S = 5.0  # for a process to tidy up before it is killed
 
 T = TypeVar("T")
@@ -178,8 +180,10 @@ class Processes(Executor):
     def how_it_ended(self, future: Future[Any]) -> tuple[str, bool]:
         """How the process has ended whose work is lost, and whether a signal did it."""
         process = self._doing[future]
-        process.join(timeout=_GRACE_S)
-        code = process.exitcode
+        until = time.monotonic() + _GRACE_S
+        # The pool waits for it, too: for a moment, it may know the code, and this thread not.
+        while (code := process.exitcode) is None and time.monotonic() < until:
+            time.sleep(_LOOK_S)
         number = -code if code is not None and code < 0 else (code or 0) - BY_SIGNAL
         if number > 0:
             return f"was ended by signal {number} ({signal.Signals(number).name})", True
