@@ -116,7 +116,7 @@ class DenseKernel:
         self._code: Code | None = None
         if batch == 1 and program.precision == "float64":  # as Python's numbers are
             self._code = self._straight()
-            self.advance: Callable[[], bool] = self._loud(
+            self.advance: Callable[[], bool] = self._quiet(
                 self._code.function(
                     "advance()", self._code.reads(), ["return step_carefully()"], ["return True"]
                 )
@@ -143,14 +143,13 @@ class DenseKernel:
             return None
         self._code.names |= {"take": take, "fail": fail, "readout": self.readout}
         otherwise = ["if not step_carefully():", "    fail()", "return readout"]
-        return self._loud(
+        return self._quiet(
             self._code.function("step(inputs=None)", self._code.takes(), otherwise, ["return readout"])
         )
 
-    def _loud(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the function, without numpy's warnings if it can give any."""
-        called = {function for parts in self._layout.parts for function, _, _ in parts}
-        return function if called <= {"sigmoid"} or self._by_number else _silently(function)
+    def _quiet(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the function, without numpy's warnings; Python's numbers have none."""
+        return function if self._by_number else _silently(function)
 
     def _straight(self) -> Code:
         """Return the step as straight code."""
