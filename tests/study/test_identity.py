@@ -17,6 +17,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import BaseModel
 from small_robots import CART_FILE, robot_file
 from small_tuning import written
 
@@ -28,7 +29,7 @@ from circuitkit.robots.mjcf import compile_mjcf, read_mjcf
 from circuitkit.robots.mjcf_identity import compiled_sum, mjcf_files
 from circuitkit.study import cases, make_study, open_workers, read_results, sweep
 from circuitkit.study.cases import plan_of
-from circuitkit.study.identity import Identity, Part, identity_of, robot_parts, unpacked, versions
+from circuitkit.study.identity import Identity, Part, _version, identity_of, robot_parts, unpacked, versions
 from circuitkit.study.plain import _SI, differences, digest, plain
 from circuitkit.study.scheduler import CasesByCell
 from circuitkit.study.tuning import run as tuning_run
@@ -217,6 +218,35 @@ def test_words_within_models_of_files_are_left_out(lab):
     edited(path, "is: joint(slide)", "is: joint(slide)\n    description: Where it is.")
     assert plain(load_robot(path)) == before
     assert "description" not in before["channels"]["place"]
+
+
+class Piece(BaseModel):
+    """A part of a file."""
+
+    description: str = ""
+    size: float = 1.0
+
+
+class Whole(BaseModel):
+    """A file with parts in a list and by name."""
+
+    many: list[Piece] = []
+    named: dict[str, Piece] = {}
+
+
+@pytest.mark.parametrize("whole", [lambda each: Whole(many=[each]), lambda each: Whole(named={"a": each})])
+def test_words_of_parts_are_left_out_and_their_numbers_are_not(whole):
+    assert plain(whole(Piece(description="thick"))) == plain(whole(Piece(description="thin")))
+    assert plain(whole(Piece(size=2.0))) != plain(whole(Piece()))
+
+
+def test_letters_of_all_languages_are_shown_as_they_are():
+    assert list(differences({"name": "Käfer"}, {"name": "甲虫"})) == ['name was "Käfer", is "甲虫"']
+
+
+def test_versions_are_those_that_are_installed():
+    assert _version("numpy") == np.__version__
+    assert _version("no such distribution") == "not installed"
 
 
 def test_quantities_that_look_alike_are_told_apart_by_all_digits():
