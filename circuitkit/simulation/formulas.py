@@ -67,6 +67,12 @@ _COMPARISONS: Mapping[str, np.ufunc] = {
 }
 
 
+_OF_NUMBERS: Mapping[str, Callable[..., Any]] = {
+    **NUMPY_FUNCTIONS,
+    **{name: partial(_compared, each) for name, each in _COMPARISONS.items()},
+    "where": _chosen,
+}
+
 Value: TypeAlias = "float | bool | None"
 
 WINDOWS = ("after", "between")
@@ -142,25 +148,26 @@ class Formula:
             track: The run, or a part of it.
             firsts: The first values, where the track is a later part; takes them, where it is the first one.
         """
-        functions: dict[str, Callable[..., Any]] = {
-            **NUMPY_FUNCTIONS,
-            **{name: partial(_reduced, each, track) for name, each in REDUCTIONS.items()},
-            **{name: partial(_compared, each) for name, each in _COMPARISONS.items()},
-            "where": _chosen,
-            "max": partial(_either, "max", track),
-            "min": partial(_either, "min", track),
-        }
-        time = _times(track.first, track.ticks, track.step_s)
-        time = time.reshape(-1, *(1,) * (len(track.shape) - 1))
-        functions |= dict.fromkeys(WINDOWS, lambda x, *ends: np.where(_within(time, *ends), x, np.nan))
+        tree, names, called, bounded = self._spelled
+        functions = dict(_OF_NUMBERS)
+        functions |= {name: partial(_reduced, REDUCTIONS[name], track) for name in called & REDUCTIONS.keys()}
+        functions |= {name: partial(_either, name, track) for name in called & {"max", "min"}}
         if firsts is not None:
             functions["first"] = _First(track, firsts)
         values: dict[str, Any] = {name: track.values(name) for name in self.channels}
-        flag = np.zeros(track.ticks)
-        flag[-1:] = track.ended
-        values |= {TIME: time, ENDED: flag.reshape(time.shape)}
+        if TIME in names or called & set(WINDOWS):
+            time = _times(track.first, track.ticks, track.step_s)
+            time = values[TIME] = time.reshape(-1, *(1,) * (len(track.shape) - 1))
+            functions |= dict.fromkeys(WINDOWS, lambda x, *ends: np.where(_within(time, *ends), x, np.nan))
+        if ENDED in names:
+            flag = np.zeros(track.ticks)
+            flag[-1:] = track.ended
+            values[ENDED] = flag.reshape(-1, *(1,) * (len(track.shape) - 1))
+        for name in bounded:
+            low, high = track.bounds(name) or (-np.inf, np.inf)
+            values |= {f"{name} low": low, f"{name} high": high}
         with np.errstate(all="ignore"):
-            found = _spelled_out(self.tree, track, values).evaluate(values, functions)
+            found = tree.evaluate(values, functions)
         return np.broadcast_to(np.asarray(found, dtype=np.float64), track.shape)
 
     def since(self, track: Callable[[int], Track], begin: int, firsts: list[Array]) -> Array:
@@ -188,6 +195,13 @@ class Formula:
         It is read off comparisons with numbers that stand alone or are joined by `or`.
         """
         return max(_bounds_below(self.tree, channel), default=None)
+
+    @cached_property
+    def _spelled(self) -> tuple[Expression, frozenset[str], frozenset[str], tuple[str, ...]]:
+        """The expression as it is evaluated, its names, its functions, and the channels that it bounds."""
+        bounded: list[str] = []
+        tree = _spelled_out(self.tree, bounded)
+        return tree, frozenset(self.tree.names()), frozenset(_called_in(tree)), tuple(bounded)
 
     @cached_property
     def looks_back(self) -> bool:
@@ -279,27 +293,33 @@ def _either(name: str, track: Track, *arguments: Any) -> Any:  # noqa: ANN401 - 
     return NUMPY_FUNCTIONS[name](*arguments)
 
 
-def _spelled_out(tree: Expression, track: Track, values: dict[str, Any]) -> Expression:
+def _called_in(tree: Expression) -> Iterator[str]:
+    if isinstance(tree, Call):
+        yield tree.function
+    for each in tree.operands():
+        yield from _called_in(each)
+
+
+def _spelled_out(tree: Expression, bounded: list[str]) -> Expression:
     """Replace `outside(x, low, high)` by max(max(low - x, x - high), 0), and comparisons by calls.
 
-    Where it has no bounds they are those of the channel, and are put among the values. As calls, comparisons
-    are those of the functions that a tree is evaluated with, which know what has no value.
+    Where it has no bounds they are those of the channel, which `bounded` takes; they are called by its name
+    and `low` or `high`. As calls, comparisons are those of the functions that a tree is evaluated with, which
+    know what has no value.
     """
     match tree:
         case Binary(operator=joint, left=left, right=right) if joint in COMPARISONS:
-            sides = tuple(_spelled_out(each, track, values) for each in (left, right))
+            sides = tuple(_spelled_out(each, bounded) for each in (left, right))
             return Call(joint, sides, offset=tree.offset)
         case Call(function="outside", arguments=(x, low, high)):
-            x, low, high = (_spelled_out(each, track, values) for each in (x, low, high))
+            x, low, high = (_spelled_out(each, bounded) for each in (x, low, high))
             beyond = Call("max", (Binary("-", low, x), Binary("-", x, high)))
             return Call("max", (beyond, Number(0.0)))
         case Call(function="outside", arguments=(Name(name=name) as x,)):
-            found = track.bounds(name)
-            ends = (-np.inf, np.inf) if found is None else found
-            values |= {f"{name} low": ends[0], f"{name} high": ends[1]}
+            bounded.append(name)
             beyond = Call("max", (Binary("-", Name(f"{name} low"), x), Binary("-", x, Name(f"{name} high"))))
             return Call("max", (beyond, Number(0.0)))
-    return _mapped(tree, lambda each: _spelled_out(each, track, values))
+    return _mapped(tree, lambda each: _spelled_out(each, bounded))
 
 
 def _mapped(tree: Expression, change: Callable[[Expression], Expression]) -> Expression:
