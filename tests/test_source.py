@@ -337,3 +337,17 @@ def test_long_names_that_begin_alike_are_no_duplicates():
         parse_yaml(text)
     said = [problem.message for problem in caught.value.problems]
     assert said == ["found a name of 301 characters; allowed: up to 200"] * 3
+
+
+class Made(FileModel):
+    """A model that Python makes."""
+
+    length: AnyQuantity
+    count: int = 3
+
+
+def test_a_model_made_in_python_has_its_values_or_complains():
+    made = Made(length="3 mm", count=4)
+    assert (made.length, made.count) == ("3 mm", 4)
+    with pytest.raises(InputError, match="count: "):
+        Made(length="3 mm", count="many")

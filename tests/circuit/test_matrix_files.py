@@ -240,3 +240,11 @@ def test_tables_of_other_programs_are_read(mark, end, header):
     rows = [header, "1,0,1.5", "3,0,-2", "0,2,3", "2,2,0.25"]
     Path("w.csv").write_text(mark + end.join(rows) + end, encoding="utf-8", newline="")
     np.testing.assert_array_equal(table_of(Path("w.csv")), W)
+
+
+def test_what_is_no_parquet_is_told_in_one_line_of_the_library():
+    Path("w.parquet").write_bytes(b"nothing of the kind")
+    with pytest.raises(
+        MatrixFileError, match=r"^cannot read 'w.parquet': Parquet [^\n]+; allowed: a Parquet file$"
+    ):
+        read_matrix(Path("w.parquet"), *SHAPE)

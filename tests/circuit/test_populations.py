@@ -19,6 +19,7 @@ from scipy import sparse, stats
 
 from circuitkit.base.errors import InputError, MissingDependencyError, UnknownNameError
 from circuitkit.circuit import check, load_circuit, memory, parse_circuit
+from circuitkit.circuit.resolving import projections
 
 BASE = """\
 circuit: many
@@ -427,3 +428,39 @@ def test_a_projection_of_weights_of_0_is_doubted(tmp_path, weight):
 def test_probabilities_may_be_0_and_1(probability, synapses):
     text = BASE.replace(TO_OFF, TO_OFF.replace("all_to_all", f"{{probability: {probability}}}"))
     assert len(parse_circuit(text).projections[1].sources) == synapses
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 7, 1000])
+def test_expressions_of_synapses_are_worked_out_in_parts(monkeypatch, chunk):
+    """Whatever the size of a part: i + 100 j, and several rows or only a part of one in it."""
+    monkeypatch.setattr(projections, "_CHUNK", chunk)
+    new = "{from: ring, to: off, connect: all_to_all, weight: i + 100 * j + 1}"
+    graph = parse_circuit(BASE.replace(TO_OFF, new))
+    (found,) = (each for each in graph.projections if (each.source, each.target) == ("ring", "off"))
+    np.testing.assert_array_equal(
+        np.asarray(found.weights).reshape(8, 64), np.arange(64) + 100 * np.arange(8)[:, None] + 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("to: off, connect", "to: of, connect", "f.yaml:15:22: projections[1].to: unknown target 'of'; "),
+        (
+            "from: ring, to: off",
+            "from: rin, to: off",
+            "f.yaml:15:12: projections[1].from: unknown source 'rin'; ",
+        ),
+    ],
+)
+def test_ends_of_projections_that_are_not_there_have_their_place(old, new, said):
+    (error,) = errors(old, new)
+    assert error.startswith(said)
+
+
+def test_a_file_of_another_kind_is_told_by_its_first_key():
+    Path("f.yaml").write_text("foo: 1\nbar: 2\nbaz: 3\n", encoding="utf-8")
+    (error,) = check("f.yaml")[0]
+    assert str(error).startswith(
+        "f.yaml:1:1: foo: unknown key 'foo' and 2 more, so this is no circuit; allowed: "
+    )
