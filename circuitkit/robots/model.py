@@ -30,7 +30,8 @@ from circuitkit.robots.mjcf import (
     read_mjcf,
     warn_of_servos,
 )
-from circuitkit.robots.parts import ARITIES, Sensors, bind, column_index
+from circuitkit.robots.parts import ARITIES, bind
+from circuitkit.robots.sensors import Sensors, column_index
 from circuitkit.robots.spec import RESERVED, ChannelSpec, Robot
 from circuitkit.robots.start import StartState, aim, drives_position, of_joint, start_of
 

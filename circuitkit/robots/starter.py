@@ -15,7 +15,8 @@ from circuitkit.base.files import write_text
 from circuitkit.circuit.expressions.parsing import parse_expression
 from circuitkit.robots.mjcf import HINGE, SERVO_UNITS, SLIDE, compile_mjcf, flex_bodies, read_mjcf
 from circuitkit.robots.model import not_for_commands
-from circuitkit.robots.parts import ARITIES, AXES, unit_of_sensor
+from circuitkit.robots.parts import ARITIES, AXES
+from circuitkit.robots.sensors import unit_of_sensor
 from circuitkit.robots.spec import RESERVED
 from circuitkit.robots.start import drives_position
 

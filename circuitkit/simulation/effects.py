@@ -16,7 +16,7 @@ from circuitkit.base.patterns import matches
 from circuitkit.base.units import Unit, parse_quantity, parse_unit
 from circuitkit.control import Array
 from circuitkit.robots import Channel, RobotModel, Worlds
-from circuitkit.robots.parts import sensor_at, unit_of_sensor
+from circuitkit.robots.sensors import sensor_at, unit_of_sensor
 from circuitkit.simulation.reference import Moment, Reference
 
 Mask = NDArray[np.bool_]

@@ -15,7 +15,7 @@ from circuitkit.base.source import FileModel
 from circuitkit.base.units import Unit
 from circuitkit.control import Array
 from circuitkit.robots import Observer, RobotModel, TickLog
-from circuitkit.robots.parts import sensor_at
+from circuitkit.robots.sensors import sensor_at
 from circuitkit.robots.validity import bad_position, bad_reading
 from circuitkit.simulation.effects import Effects
 from circuitkit.simulation.formulas import Formula, Track, Value

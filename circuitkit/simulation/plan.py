@@ -28,7 +28,8 @@ from circuitkit.robots import Robot, RobotModel, build_model, load_robot
 from circuitkit.robots.worlds import substeps_of
 from circuitkit.simulation.disturbance import Disturbance, RunSpec, draw_effects
 from circuitkit.simulation.fallback import Fallback
-from circuitkit.simulation.formulas import Formula, parse_measure
+from circuitkit.simulation.formula_parser import parse_measure
+from circuitkit.simulation.formulas import Formula
 from circuitkit.simulation.loop import Setup
 from circuitkit.simulation.measures import COLUMNS, RMS, SURVIVED, Judge, located
 from circuitkit.simulation.reference import Motion, Reference, beyond_ranges, require_motion

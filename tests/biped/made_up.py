@@ -17,7 +17,7 @@ from circuitkit.robots import TickLog
 from circuitkit.simulation import Motion, Recording, Reference, RunSpec
 from circuitkit.simulation.disturbance import draw_effects
 from circuitkit.simulation.disturbances.push import Push
-from circuitkit.simulation.formulas import parse_measure
+from circuitkit.simulation.formula_parser import parse_measure
 from circuitkit.simulation.measures import Judge, Tracker
 
 WEIGHT_N = 50.0

@@ -15,7 +15,8 @@ from circuitkit.base.errors import ExpressionError, InputError
 from circuitkit.base.units import parse_unit
 from circuitkit.simulation import Scenario, simulate
 from circuitkit.simulation.disturbances.noise import Noise
-from circuitkit.simulation.formulas import Track, parse_measure
+from circuitkit.simulation.formula_parser import parse_measure
+from circuitkit.simulation.formulas import Track
 from circuitkit.simulation.reductions import holds_where
 
 DT = 0.01

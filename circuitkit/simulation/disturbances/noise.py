@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from circuitkit.base.errors import InputError, Problem
 from circuitkit.base.source.fields import AnyQuantity, Seconds
 from circuitkit.control import Array
-from circuitkit.robots.parts import sensor_at
+from circuitkit.robots.sensors import sensor_at
 from circuitkit.simulation.disturbance import Disturbance, Start
 from circuitkit.simulation.effects import Effects, Hook
 
